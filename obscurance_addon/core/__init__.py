@@ -1,0 +1,1 @@
+"""The obscurance estimator: numpy and embreex only, imports and tests without Blender."""

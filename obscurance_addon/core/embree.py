@@ -1,0 +1,72 @@
+"""Embree through embreex: the only file that imports it.
+
+Robust mode closes the cracks between neighbouring triangles. embreex fills its buffers element by element while it
+holds the interpreter lock, so geometry goes in by slices small enough that a window stays responsive, and each scene is
+built once. Only features of Embree 4.3 are used: inside a Blender executable embreex binds to Blender's own, older
+library.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .errors import BackendError
+from .ray_casting import Hits
+
+_SLICE = 1 << 16  # triangles filled per call, about 50 ms under the interpreter lock
+
+
+class EmbreeIntersector:
+    """Traces blocks of rays with Embree; safe to call from several threads.
+
+    Parameters
+    ----------
+    vertices : ndarray, (v, 3) float32
+        Finite coordinates, of the order of 1 (see `core.patches.Normalisation`).
+    triangles : ndarray, (t, 3) int
+    progress : callable, optional
+        Called between slices with the number of triangles done; may raise to cancel.
+
+    Raises
+    ------
+    BackendError
+        When embreex is missing or does not load.
+    """
+
+    def __init__(
+        self, vertices: np.ndarray, triangles: np.ndarray, progress: Callable[[int], None] | None = None
+    ) -> None:
+        scene_type, mesh_type = _load_embreex()
+        self._scene = scene_type(robust=True)
+        vertices = np.ascontiguousarray(vertices, np.float32)
+        for first in range(0, len(triangles), _SLICE):
+            mesh_type(self._scene, vertices[triangles[first : first + _SLICE]])
+            if progress is not None:
+                progress(min(first + _SLICE, len(triangles)))
+        # The first query commits the scene (builds the hierarchy); that must happen before threads share it.
+        ray = np.zeros((1, 3), np.float32)
+        self.occluded(ray, ray + 1.0, np.zeros(1, np.float32))
+
+    def intersect(self, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> Hits:
+        found = self._scene.run(origins, directions, dists=limits, output=True)
+        triangle = found["geomID"]  # -1 for a miss, and then so is primID
+        triangle *= _SLICE
+        triangle += found["primID"]
+        return Hits(found["tfar"], triangle, found["Ng"])
+
+    def occluded(self, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
+        return self._scene.run(origins, directions, dists=limits, query="OCCLUDED") >= 0
+
+
+def _load_embreex() -> tuple[type, type]:
+    try:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+    except ImportError as error:
+        raise BackendError(
+            f"the ray tracer embreex does not load ({error}): reinstall the extension for this platform and Python, or "
+            "run 'pip install embreex' for scripts"
+        ) from error
+    return EmbreeScene, TriangleMesh

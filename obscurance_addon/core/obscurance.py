@@ -1,0 +1,344 @@
+"""The estimator: casts the rays of every patch and turns what they meet into obscurances.
+
+W(i) = 1/N_i sum_j rho_j R_j over N_i cosine-distributed rays (eq. 6), where rays that meet nothing nearer than d_max
+count as R_ave. Hit sums and miss counts are kept apart, so that a new R_ave or a new colour needs no new ray.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from .falloff import Falloff, apply_falloff
+from .patches import Cells, Normalisation, Patches, Surfaces, prepare_cells
+from .ray_allocation import allocate_rays, split_rays
+from .ray_casting import Hits, Intersector
+from .sampling import SCRAMBLES, ray_table
+from .settings import BakeSettings, Sampler
+from .sobol import hash32
+
+BLOCK_RAYS = 16384  # per task: larger blocks fall out of the cache, smaller ones pay Python's overhead
+TABLE_ROWS = 1024  # rays of a sequence held at a time, so that memory does not grow with the number of rays
+FAR = np.float32(1e30)  # stands for an infinite ray length, so that 0 x length stays 0
+SAME_DIRECTION = 0.999  # cosine above which two touching faces count as doubles of each other
+COPLANAR_OFFSETS = 4.0  # hits within this many ray offsets are looked at for doubled faces
+MAX_DOUBLES = 8  # stacked doubled faces that a ray passes
+
+_MISS, _DROPPED = 4, 5  # columns of the cell sums behind rho R_red, rho R_green, rho R_blue, rho
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class ObscuranceSums:
+    """What the rays of each patch met, as shares of all rays of the patch, cells weighed by area.
+
+    Attributes
+    ----------
+    hit : ndarray, (p, 4) float64
+        Mean of rho R per RGB channel and of rho over rays that hit, times their share. Without bleeding the first three
+        columns are 0.
+    miss : ndarray, (p,) float64
+        Share of rays that met nothing nearer than d_max.
+    valid : ndarray, (p,) float64
+        Share of rays that did not start inside of a solid; 0 where a patch has no usable surface or is all inside.
+    rays : int
+        Number of rays cast, repeated ones included.
+    """
+
+    hit: np.ndarray
+    miss: np.ndarray
+    valid: np.ndarray
+    rays: int
+
+    def grey(self) -> np.ndarray:
+        """Obscurances without colour (eq. 2), (p,) float64 in 0 .. 1; NaN for invalid patches."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return (self.hit[:, 3] + self.miss) / self.valid
+
+    def coloured(self, r_ave: np.ndarray) -> np.ndarray:
+        """Obscurances with colour bleeding (eqs. 5, 6) for the mean reflectance (3,); (p, 3), NaN if invalid."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return (self.hit[:, :3] + self.miss[:, None] * r_ave) / self.valid[:, None]
+
+
+@dataclass(frozen=True)
+class TracedScene:
+    """A scene made ready for casting: shared by the main bake, its error estimate, and every thread."""
+
+    cells: Cells
+    intersector: Intersector
+    palette: np.ndarray | None  # (t + 1, 4) float32: reflectance and 1, row 0 for misses; None without bleeding
+    solid: np.ndarray | None  # (t + 1,) bool, entry 0 for misses; None when the scene has no solid
+    limit: np.float32  # d_max in normalised units
+    scale: np.float32  # 1 / limit, 0 for an infinite d_max
+    falloff: Falloff
+
+    @property
+    def needs_only_occlusion(self) -> bool:
+        """STEP asks only whether something was hit, unless the inside of a solid must be told from its outside."""
+        return self.falloff is Falloff.STEP and self.solid is None
+
+
+def prepare_scene(
+    surfaces: Surfaces,
+    patches: Patches,
+    normalisation: Normalisation,
+    intersector: Intersector,
+    settings: BakeSettings,
+    d_max: float,
+) -> TracedScene:
+    """Build the look-up tables of a scene.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+        The triangles in the order in which `intersector` numbers them.
+    patches : Patches
+    normalisation : Normalisation
+        The one with which `intersector` was built.
+    intersector : Intersector
+    settings : BakeSettings
+    d_max : float
+        Reach of the rays in metres, above 0, may be infinite.
+    """
+    palette = None
+    if settings.use_bleeding and settings.falloff is not Falloff.STEP:  # a STEP hit adds nothing, whatever its colour
+        palette = np.zeros((len(surfaces.triangles) + 1, 4), np.float32)
+        palette[1:, :3] = surfaces.reflectance
+        palette[1:, 3] = 1.0
+    solid = np.concatenate([[False], surfaces.solid]) if surfaces.solid.any() else None
+    limit = d_max / normalisation.scale
+    return TracedScene(
+        prepare_cells(patches, normalisation),
+        intersector,
+        palette,
+        solid,
+        min(np.float32(limit), FAR),
+        np.float32(1.0 / limit),
+        settings.falloff,
+    )
+
+
+def gather_obscurances(
+    scene: TracedScene,
+    ids: np.ndarray,
+    settings: BakeSettings,
+    *,
+    replicate: int = 0,
+    only: np.ndarray | None = None,
+    progress: Progress | None = None,
+    block_rays: int = BLOCK_RAYS,
+) -> ObscuranceSums:
+    """Cast the rays of all patches, or of some, and sum what they meet.
+
+    Parameters
+    ----------
+    scene : TracedScene
+    ids : ndarray, (p,) uint32
+        Stable identity of each patch.
+    settings : BakeSettings
+    replicate : int
+        0 for the bake; other numbers give independent scramblings, for error estimates.
+    only : ndarray, (p,) bool, optional
+        Patches to cast rays for; the others come out invalid.
+    progress : callable, optional
+        Called from any thread with the number of rays just cast; may raise `BakeCancelledError`.
+    block_rays : int
+        Rays per task; the result does not depend on it.
+
+    Returns
+    -------
+    ObscuranceSums
+        Bit for bit the same for any number of threads and any block size.
+    """
+    caster = _Caster(scene, ids, settings, replicate, progress or _ignore, block_rays)
+    cells = np.arange(len(scene.cells.patch))
+    if only is not None:
+        cells = cells[only[scene.cells.patch]]
+    caster.cast(cells)
+    if scene.solid is not None:
+        caster.recast_patches_inside_solids(cells)
+    return caster.patch_sums(len(ids))
+
+
+def _ignore(_rays: int) -> None:
+    return None
+
+
+class _Caster:
+    """Sums per cell, filled block by block; every block writes its own cells, so threads need no lock."""
+
+    def __init__(
+        self,
+        scene: TracedScene,
+        ids: np.ndarray,
+        settings: BakeSettings,
+        replicate: int,
+        progress: Progress,
+        block_rays: int,
+    ) -> None:
+        self.scene = scene
+        self.sampler: Sampler = settings.sampler
+        self.seed = int(hash32(np.uint32(settings.seed) ^ hash32(np.uint32(replicate))))
+        self.threads = settings.thread_count()
+        self.progress = progress
+        self.block_rays = block_rays
+        self.rays = 0
+        cells = scene.cells
+        self.start, self.count = split_rays(cells.patch, cells.weight, allocate_rays(cells.area, settings))
+        self.scramble = (hash32(ids.astype(np.uint32) ^ np.uint32(self.seed)) % np.uint32(SCRAMBLES)).astype(np.int64)
+        self.sums = np.zeros((len(cells.patch), 6))
+        self.was_cast = np.zeros(len(cells.patch), bool)
+
+    def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
+        """Add all rays of the cells (m,) int to their sums, in passes over the ray sequence."""
+        if not len(cells):
+            return
+        self.was_cast[cells] = True
+        start, end = self.start[cells], self.start[cells] + self.count[cells]
+        sets, row_of_set = np.unique(self.scramble[self.scene.cells.patch[cells]], return_inverse=True)
+        with ThreadPoolExecutor(self.threads) as pool:
+            for first in range(0, int(end.max()), TABLE_ROWS):
+                low, high = np.maximum(start, first), np.minimum(end, first + TABLE_ROWS)
+                rows = min(TABLE_ROWS, int(end.max()) - first)
+                table = ray_table(self.sampler, self.seed, sets, first, rows).reshape(-1, 6)
+                tasks = []
+                for n in np.unique(high - low):
+                    if n <= 0:
+                        continue
+                    group = np.flatnonzero(high - low == n)
+                    base = row_of_set[group] * rows + low[group] - first
+                    per_block = max(1, self.block_rays // int(n))
+                    for at in range(0, len(group), per_block):
+                        block = slice(at, at + per_block)
+                        tasks.append((cells[group[block]], base[block], int(n)))
+                self.rays += sum(len(block) * n for block, _, n in tasks)
+                for _ in pool.map(lambda task, table=table: self._cast_block(table, *task, unbounded), tasks):
+                    pass
+
+    def _cast_block(self, table: np.ndarray, cells: np.ndarray, base: np.ndarray, n: int, unbounded: bool) -> None:
+        """Cast rays `base` .. `base + n - 1` of the table from each cell and add what they meet to its sums."""
+        scene = self.scene
+        origins, directions = _make_rays(scene.cells.frames[cells], table, base, n)
+        limit = FAR if unbounded else scene.limit
+        if scene.needs_only_occlusion:
+            blocked = scene.intersector.occluded(origins, directions, np.full(len(origins), limit)).reshape(-1, n)
+            self.sums[cells, _MISS] += n - np.count_nonzero(blocked, axis=1)
+            self.progress(len(origins))
+            return
+        hits = scene.intersector.intersect(origins, directions, np.full(len(origins), limit))
+        _pass_doubled_faces(scene, cells, n, origins, directions, limit, hits)
+        dropped = None
+        if scene.solid is not None:
+            dropped = _starts_inside(scene, directions, hits)
+            if unbounded:
+                hits.triangle[(hits.distance >= scene.limit) & ~dropped] = -1
+        self._weigh(cells, n, hits.distance, hits.triangle, dropped)
+        self.progress(len(origins))
+
+    def _weigh(
+        self, cells: np.ndarray, n: int, distance: np.ndarray, triangle: np.ndarray, dropped: np.ndarray | None
+    ) -> None:
+        scene, sums = self.scene, self.sums
+        met = triangle >= 0
+        distance *= scene.scale
+        rho = apply_falloff(scene.falloff, distance)
+        if dropped is not None:
+            rho[dropped] = 0.0
+            sums[cells, _DROPPED] += np.count_nonzero(dropped.reshape(-1, n), axis=1)
+        if scene.palette is not None:
+            colours = np.take(scene.palette, triangle + 1, axis=0, mode="clip").reshape(-1, n, 4)
+            sums[cells, :4] += np.matmul(rho.reshape(-1, 1, n), colours)[:, 0]
+        else:
+            rho *= met
+            sums[cells, 3] += rho.reshape(-1, n).sum(1)
+        sums[cells, _MISS] += n - np.count_nonzero(met.reshape(-1, n), axis=1)
+
+    def recast_patches_inside_solids(self, cells: np.ndarray) -> None:
+        """Cast without limit the rays of patches that may start inside of a solid farther than d_max from its walls.
+
+        Suspect are patches with a ray that was dropped, and patches whose rays met nothing at all but of which one
+        unlimited ray meets the inside of a solid.
+        """
+        patch, n_patches = self.scene.cells.patch, len(self.scene.cells.area)
+        suspect = np.bincount(patch, self.sums[:, _DROPPED], n_patches) > 0.0
+        met_nothing = np.bincount(patch[cells], (self.count - self.sums[:, _MISS])[cells], n_patches) == 0.0
+        first_cell = cells[np.unique(patch[cells], return_index=True)[1]]
+        first_cell = first_cell[met_nothing[patch[first_cell]]]
+        for at in range(0, len(first_cell), self.block_rays):
+            probes = first_cell[at : at + self.block_rays]
+            suspect[patch[probes[self._probe(probes)]]] = True
+        again = cells[suspect[patch[cells]]]
+        self.sums[again] = 0.0
+        self.cast(again, unbounded=True)
+
+    def _probe(self, cells: np.ndarray) -> np.ndarray:
+        """(m,) bool: whether the first ray of each cell starts inside of a solid."""
+        sets, row = np.unique(self.scramble[self.scene.cells.patch[cells]], return_inverse=True)
+        table = ray_table(self.sampler, self.seed, sets, 0, 1).reshape(-1, 6)
+        origins, directions = _make_rays(self.scene.cells.frames[cells], table, row, 1)
+        hits = self.scene.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
+        self.rays += len(origins)
+        return _starts_inside(self.scene, directions, hits)
+
+    def patch_sums(self, n_patches: int) -> ObscuranceSums:
+        """Cells weighed by area into patches."""
+        cells = self.scene.cells
+        shares = self.sums * (cells.weight / np.maximum(self.count, 1))[:, None]
+        columns = [np.bincount(cells.patch, shares[:, k], n_patches) for k in range(6)]
+        valid = np.bincount(cells.patch, cells.weight * self.was_cast, n_patches) - columns[_DROPPED]
+        valid[valid < 1e-9] = 0.0  # rounding left by weights whose rays were all dropped
+        return ObscuranceSums(np.stack(columns[:4], -1), columns[_MISS], valid, self.rays)
+
+
+def _make_rays(frames: np.ndarray, table: np.ndarray, base: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and directions, each (m n, 3) float32, of n table rows from `base` (m,) on in the frames (m, 3, 6)."""
+    rows = np.take(table, base[:, None] + np.arange(n), axis=0)
+    origins = np.matmul(rows[..., :3], frames[..., :3])
+    directions = np.matmul(rows[..., 3:], frames[..., 3:])
+    return origins.reshape(-1, 3), directions.reshape(-1, 3)
+
+
+def _pass_doubled_faces(
+    scene: TracedScene,
+    cells: np.ndarray,
+    n: int,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    limit: np.float32,
+    hits: Hits,
+) -> None:
+    """Let rays through faces that double the one they leave (decals, duplicates), by tracing on from behind them.
+
+    Faces that touch with opposite normals are in contact and do occlude.
+    """
+    offset = scene.cells.offset[cells]
+    near = hits.distance.reshape(-1, n) < (COPLANAR_OFFSETS * offset)[:, None]
+    if not near.any():
+        return
+    rays = np.flatnonzero(near.ravel() & (hits.triangle >= 0))
+    for _ in range(MAX_DOUBLES):
+        normal, other = scene.cells.frames[cells[rays // n], 2, 3:], hits.normal[rays]
+        cosine = np.einsum("ij,ij->i", normal, other)
+        rays = rays[cosine > SAME_DIRECTION * np.sqrt(np.einsum("ij,ij->i", other, other))]
+        if not len(rays):
+            return
+        step = hits.distance[rays] + offset[rays // n]
+        onward = origins[rays] + step[:, None] * directions[rays]
+        beyond = scene.intersector.intersect(onward, directions[rays], np.maximum(limit - step, 0.0))
+        hits.distance[rays], hits.triangle[rays] = beyond.distance + step, beyond.triangle
+        hits.normal[rays] = beyond.normal
+        rays = rays[(hits.triangle[rays] >= 0) & (hits.distance[rays] < COPLANAR_OFFSETS * offset[rays // n])]
+
+
+def _starts_inside(scene: TracedScene, directions: np.ndarray, hits: Hits) -> np.ndarray:
+    """(n,) bool: rays whose first hit is the inside of a solid, which therefore start inside of it."""
+    with np.errstate(all="ignore"):  # normals of misses hold anything
+        along = directions * hits.normal
+        inside = along[:, 0] + along[:, 1] + along[:, 2] > 0.0
+    inside &= np.take(scene.solid, hits.triangle + 1, mode="clip")
+    return inside

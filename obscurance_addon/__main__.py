@@ -1,0 +1,30 @@
+"""`python -m obscurance_addon ...`: the same arguments as `blender --command obscurance ...`, on the bpy module."""
+
+import os
+import sys
+
+
+def _run() -> int:
+    from . import batch
+
+    arguments = sys.argv[1:]
+    batch.parse(arguments)  # help and wrong usage answer at once, without loading Blender
+    try:
+        import bpy  # noqa: F401
+    except ImportError as error:
+        print(f"obscurance: the bpy module does not load ({error}): pip install bpy==4.5.15", file=sys.stderr)
+        return 1
+    from . import register
+
+    register()
+    return batch.main(arguments)
+
+
+if __name__ == "__main__":
+    try:
+        status = _run()
+    except SystemExit as stop:
+        status = stop.code if isinstance(stop.code, int) else 2
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)  # the bpy module crashes (4.2) or hangs (4.5) at a normal exit while classes are registered

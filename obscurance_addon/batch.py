@@ -1,0 +1,271 @@
+"""The command line: bakes .blend files without a window.
+
+python -m obscurance_addon bake SCENE.blend --output OUT.blend        (bpy module)
+blender --command obscurance bake SCENE.blend --output OUT.blend      (installed extension)
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from .core.errors import ObscuranceError, SettingsError
+from .core.falloff import Falloff
+from .core.settings import BakeSettings, Sampler
+from .version import version
+
+DONE, FAILED = 0, 1
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    """Parse and check arguments; leaves with exit status 2 when they make no sense."""
+    parser = argparse.ArgumentParser(prog="obscurance", description="Bake obscurances into .blend files.")
+    parser.add_argument("--version", action="version", version=version())
+    commands = parser.add_subparsers(dest="command", required=True)
+    bake = commands.add_parser("bake", help="bake obscurances into color attributes")
+    bake.add_argument("scenes", nargs="+", type=Path, metavar="SCENE.blend")
+    where = bake.add_mutually_exclusive_group()
+    where.add_argument("--output", type=Path, metavar="OUT.blend", help="file to write (default: in place)")
+    where.add_argument("--output-dir", type=Path, metavar="DIR", help="folder to write files of the same names to")
+    bake.add_argument("--objects", nargs="+", metavar="NAME", help="objects to bake (default: all that render)")
+    bake.add_argument("--target", choices=["FACE", "CORNER", "POINT"])
+    bake.add_argument("--attribute", metavar="NAME", help="name of the attribute (default: Obscurance)")
+    bake.add_argument("--no-corner-copy", action="store_true", help="with target FACE, write the face attribute only")
+    bake.add_argument("--rays", type=int, metavar="N", help="rays per patch")
+    bake.add_argument("--ray-budget", type=int, metavar="N", help="total number of rays, shared out by area")
+    bake.add_argument(
+        "--distance", type=_distance, metavar="METRES|auto", help="reach of the rays", default=argparse.SUPPRESS
+    )
+    bake.add_argument("--falloff", choices=[f.value for f in Falloff])
+    bake.add_argument("--no-bleeding", action="store_true", help="grey obscurances")
+    bake.add_argument("--scale", choices=["WHITE", "PAPER"])
+    bake.add_argument("--shared-meshes", choices=["SEPARATE", "AVERAGE"])
+    bake.add_argument("--sampler", choices=[s.value for s in Sampler])
+    bake.add_argument("--seed", type=int, metavar="N")
+    bake.add_argument("--threads", type=int, metavar="N", help="0 for all processors")
+    bake.add_argument("--report", type=Path, metavar="FILE.json", help="write what was done as JSON")
+    bake.add_argument("--quiet", action="store_true", help="print errors only")
+    options = parser.parse_args(arguments)
+    if options.output and len(options.scenes) > 1:
+        bake.error("--output takes one scene: give --output-dir for several")
+    names = [scene.name for scene in options.scenes]
+    if options.output_dir and len(set(names)) < len(names):
+        bake.error("two scenes have the same file name, so --output-dir would write one over the other")
+    try:
+        BakeSettings(**_estimator_changes(options))
+    except SettingsError as error:
+        bake.error(str(error))
+    return options
+
+
+def _distance(text: str) -> float | None:
+    """Metres, or None for automatic."""
+    return None if text.lower() == "auto" else float(text)
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command line inside of Blender.
+
+    Parameters
+    ----------
+    arguments : list of str
+        Without the program's name.
+
+    Returns
+    -------
+    int
+        Exit status: 0 all done, 1 a file failed (the others are baked all the same); wrong usage exits with 2.
+    """
+    options = parse(arguments)
+    began = time.perf_counter()
+    files = [_bake_file(scene, options) for scene in options.scenes]
+    failed = sum("error" in entry for entry in files)
+    if options.report:
+        report = {
+            "version": version(),
+            "blender": _blender_version(),
+            "seconds": time.perf_counter() - began,
+            "peak_memory_bytes": _peak_memory(),
+            "files": files,
+        }
+        try:
+            with _written_whole(options.report) as part:
+                part.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+        except OSError as error:
+            _complain(f"{options.report}: the report could not be written ({error}): choose a folder that exists")
+            return FAILED
+    return FAILED if failed else DONE
+
+
+def _bake_file(scene: Path, options: argparse.Namespace) -> dict:
+    """Bake one file; never raises, so that the others are baked too. Returns its entry of the report."""
+    output = options.output or (options.output_dir / scene.name if options.output_dir else scene)
+    say = _Terminal(scene, options.quiet)
+    try:
+        entry = _open_bake_save(scene, output, options, say)
+    except (ObscuranceError, OSError, RuntimeError) as error:
+        say.end()
+        _complain(f"{scene}: {_plain(error)}")
+        return {"scene": str(scene), "error": _plain(error)}
+    for warning in entry["warnings"]:
+        say.line(f"{scene}: note: {warning}")
+    return entry
+
+
+def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say: _Terminal) -> dict:
+    import bpy
+
+    from .blender.bake_job import BakeJob
+    from .blender.object_mode import ObjectModeGuard
+
+    began = time.perf_counter()
+    if not scene.is_file():
+        raise ObscuranceError("no such file: check the path")
+    if not output.parent.is_dir():
+        raise ObscuranceError(f"the folder '{output.parent}' does not exist: create it first")
+    bpy.ops.wm.open_mainfile(filepath=str(scene.resolve()), load_ui=False)
+    loaded = time.perf_counter()
+    context = bpy.context
+    group = context.scene.obscurance
+    settings, target = group.to_settings(**_estimator_changes(options)), group.to_output(**_output_changes(options))
+    guard = ObjectModeGuard(context)
+    objects = _objects(context, options.objects)
+    report = BakeJob(context, objects, settings, target).run(on_step=say.progress)
+    guard.restore(context)
+    baked = time.perf_counter()
+    with _written_whole(output) as part:
+        compress = scene.read_bytes()[:7] != b"BLENDER"
+        bpy.ops.wm.save_as_mainfile(filepath=str(part), copy=True, compress=compress, check_existing=False)
+    say.end()
+    say.line(f"{scene} -> {output}: {report.summary()}")
+    traced = report.seconds["trace"]
+    return {
+        "scene": str(scene),
+        "output": str(output),
+        "settings": {**dataclasses.asdict(settings), **dataclasses.asdict(target), "distance": report.d_max},
+        "objects": report.objects,
+        "patches": report.patches,
+        "triangles": report.triangles,
+        "rays": report.rays,
+        "seconds": {"load": loaded - began, **report.seconds, "save": time.perf_counter() - baked},
+        "mrays_per_second": report.rays / traced / 1e6 if traced else 0.0,
+        "r_ave": report.r_ave,
+        "rmse": report.rmse,
+        "peak_memory_bytes": _peak_memory(),
+        "warnings": report.warnings,
+    }
+
+
+def _objects(context, names: list[str] | None) -> list:
+    """The objects named, or all that render."""
+    from .blender.scene_geometry import rendered_meshes
+
+    if names is None:
+        return rendered_meshes(context)
+    missing = [name for name in names if name not in context.view_layer.objects]
+    if missing:
+        raise ObscuranceError(f"the view layer has no object named {', '.join(map(repr, missing))}: check --objects")
+    return [context.view_layer.objects[name] for name in names]
+
+
+def _estimator_changes(options: argparse.Namespace) -> dict:
+    """Estimator settings given as options, by name."""
+    changes = {
+        "rays": options.rays,
+        "ray_budget": options.ray_budget,
+        "falloff": options.falloff,
+        "use_bleeding": False if options.no_bleeding else None,
+        "sampler": options.sampler,
+        "seed": options.seed,
+        "threads": options.threads,
+    }
+    changes = {name: value for name, value in changes.items() if value is not None}
+    return changes | ({"distance": options.distance} if "distance" in options else {})
+
+
+def _output_changes(options: argparse.Namespace) -> dict:
+    """Output settings given as options, by name."""
+    changes = {
+        "target": options.target,
+        "attribute_name": options.attribute,
+        "scale": options.scale,
+        "shared_meshes": options.shared_meshes,
+        "corner_copy": False if options.no_corner_copy else None,
+    }
+    return {name: value for name, value in changes.items() if value is not None}
+
+
+@contextmanager
+def _written_whole(target: Path) -> Iterator[Path]:
+    """A path beside `target` to write to, renamed at the end: a kill leaves the old file or the new one."""
+    target = target.resolve()
+    part = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
+    try:
+        yield part
+        with part.open("rb+") as written:
+            os.fsync(written.fileno())
+        if target.exists():
+            shutil.copymode(target, part)
+        part.replace(target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+class _Terminal:
+    """Progress and messages of one file: one line that renews itself on a terminal, few lines in a log."""
+
+    _LOG_EVERY_S = 5.0
+
+    def __init__(self, scene: Path, quiet: bool) -> None:
+        self._scene, self._quiet = scene, quiet
+        self._renews = sys.stdout.isatty()
+        self._last = time.perf_counter()
+
+    def progress(self, job) -> None:
+        if self._quiet or (not self._renews and time.perf_counter() - self._last < self._LOG_EVERY_S):
+            return
+        self._last = time.perf_counter()
+        left = "" if job.remaining is None else f", {job.remaining:.0f} s left"
+        text = f"{self._scene}: {job.progress:.0%}{left}"
+        print(f"\r\x1b[K{text}" if self._renews else text, end="" if self._renews else "\n", flush=True)
+
+    def end(self) -> None:
+        if self._renews and not self._quiet:
+            print("\r\x1b[K", end="", flush=True)
+
+    def line(self, text: str) -> None:
+        if not self._quiet:
+            print(text, flush=True)
+
+
+def _complain(text: str) -> None:
+    print(f"obscurance: error: {text}", file=sys.stderr, flush=True)
+
+
+def _plain(error: Exception) -> str:
+    """The message of an error on one line, without Blender's prefix."""
+    return " ".join(str(error).replace("Error: ", "", 1).split())
+
+
+def _blender_version() -> str:
+    import bpy
+
+    return bpy.app.version_string
+
+
+def _peak_memory() -> int | None:
+    """Largest resident size of this process so far in bytes, None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024

@@ -1,0 +1,248 @@
+"""A scene snapshot made ready for the core: surfaces, patches, and where each value goes. numpy only, any thread."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.corner_cells import corner_cells, face_of_corner, smooth_fans
+from ..core.errors import GeometryError
+from ..core.patches import Patches, Surfaces, triangle_areas
+from ..core.sobol import hash32
+from ..core.solids import solid_triangles
+from .materials import shade_faces
+from .output_settings import Target
+from .scene_geometry import BakedObject, MeshArrays, ObjectSnapshot, SceneSnapshot
+
+MAX_TRIANGLES = 60_000_000  # about 12 GiB in the ray tracer; instances count each time
+
+
+@dataclass(frozen=True)
+class ObjectRange:
+    """Where the values of one object lie among the patches.
+
+    Attributes
+    ----------
+    first, end : int
+        Range of the object's patches.
+    element_patch : ndarray, (n,) int
+        Patch, counted from `first`, of each face, corner or vertex of the unmodified mesh.
+    """
+
+    first: int
+    end: int
+    element_patch: np.ndarray
+
+
+@dataclass(frozen=True)
+class BakeArrays:
+    """What `core.bake.bake_obscurances` takes, and the ranges of its result."""
+
+    surfaces: Surfaces
+    patches: Patches
+    patch_reflectance: np.ndarray
+    neighbours: tuple[np.ndarray, np.ndarray]
+    ranges: list[ObjectRange]
+    warnings: list[str]
+
+
+def prepare_arrays(snapshot: SceneSnapshot, target: Target) -> BakeArrays:
+    """Turn a snapshot into the arrays of a bake.
+
+    Raises
+    ------
+    GeometryError
+        When the scene has more triangles than can be traced.
+    """
+    objects = [baked.snapshot for baked in snapshot.baked] + snapshot.occluders
+    n_triangles = sum(len(ob.mesh.triangle_corners) for ob in objects)
+    if n_triangles > MAX_TRIANGLES:
+        raise GeometryError(
+            f"the scene has {n_triangles:,} triangles, instances counted each time, but at most {MAX_TRIANGLES:,} "
+            "can be traced: hide distant instances from renders"
+        )
+    warnings: list[str] = []
+    worlds = [_World.of(ob) for ob in objects]
+    parts = [_patch_part(baked, world, target) for baked, world in zip(snapshot.baked, worlds, strict=False)]
+    for ob, world in zip(objects, worlds, strict=True):
+        broken = np.count_nonzero(~np.isfinite(world.vertices).all(1))
+        if broken:
+            warnings.append(
+                f"object '{ob.name}': {broken} vertices have no finite position, their faces were left out; repair the "
+                "mesh or its modifiers"
+            )
+    surfaces = _join_surfaces(objects, worlds)
+    starts = np.cumsum([0] + [len(part.ids) for part in parts])
+    node_starts = np.cumsum([0] + [part.n_nodes for part in parts])
+    return BakeArrays(
+        surfaces=surfaces,
+        patches=Patches(
+            np.concatenate([part.cells for part in parts]),
+            np.concatenate([part.patch + first for part, first in zip(parts, starts, strict=False)]),
+            np.concatenate([part.ids for part in parts]),
+        ),
+        patch_reflectance=np.concatenate([part.reflectance for part in parts]),
+        neighbours=(
+            np.concatenate([part.element_patch_of_node + first for part, first in zip(parts, starts, strict=False)]),
+            np.concatenate([part.node + first for part, first in zip(parts, node_starts, strict=False)]),
+        ),
+        ranges=[
+            ObjectRange(int(first), int(first) + len(part.ids), part.element_patch)
+            for part, first in zip(parts, starts, strict=False)
+        ],
+        warnings=warnings,
+    )
+
+
+@dataclass(frozen=True)
+class _World:
+    """One object in world space."""
+
+    vertices: np.ndarray  # (v, 3) float64
+    triangle_corners: np.ndarray  # (t, 3), turned so that normals point outwards under mirroring transforms too
+    triangles: np.ndarray  # (t, 3) vertex indices
+    reflectance: np.ndarray  # (f, 3) float32
+
+    @classmethod
+    def of(cls, ob: ObjectSnapshot) -> _World:
+        mesh = ob.mesh
+        with np.errstate(invalid="ignore", over="ignore"):
+            vertices = mesh.positions @ ob.matrix[:3, :3].T + ob.matrix[:3, 3]
+        corners = mesh.triangle_corners
+        if np.linalg.det(ob.matrix[:3, :3]) < 0.0:
+            corners = corners[:, ::-1]
+        slots = len(ob.shadings) - 1  # the last shading stands for faces without material
+        slot = np.where(mesh.face_material < slots, mesh.face_material, slots) if slots else mesh.face_material
+        reflectance, _emission = shade_faces(ob.shadings, slot, ob.surface)
+        return cls(vertices, corners, mesh.corner_vertex[corners], reflectance)
+
+
+def _join_surfaces(objects: list[ObjectSnapshot], worlds: list[_World]) -> Surfaces:
+    solids: dict[int, np.ndarray] = {}
+    solid = []
+    for ob in objects:
+        if id(ob.mesh) not in solids:
+            solids[id(ob.mesh)] = solid_triangles(ob.mesh.positions, ob.mesh.corner_vertex[ob.mesh.triangle_corners])
+        solid.append(solids[id(ob.mesh)])
+    vertex_starts = np.cumsum([0] + [len(world.vertices) for world in worlds])
+    triangle_starts = np.cumsum([0] + [len(world.triangles) for world in worlds])
+    pairs = zip(worlds, vertex_starts, strict=False)
+    return Surfaces(
+        vertices=np.concatenate([world.vertices for world in worlds]),
+        triangles=np.concatenate([world.triangles + np.int32(first) for world, first in pairs]),
+        reflectance=np.concatenate(
+            [world.reflectance[ob.mesh.triangle_face] for ob, world in zip(objects, worlds, strict=True)]
+        ),
+        solid=np.concatenate(solid),
+        object_starts=triangle_starts[:-1],
+    )
+
+
+@dataclass(frozen=True)
+class _PatchPart:
+    """The patches of one object; indices count from its own first patch."""
+
+    cells: np.ndarray
+    patch: np.ndarray
+    ids: np.ndarray
+    reflectance: np.ndarray
+    element_patch: np.ndarray
+    element_patch_of_node: np.ndarray
+    node: np.ndarray
+    n_nodes: int
+
+
+def _patch_part(baked: BakedObject, world: _World, target: Target) -> _PatchPart:
+    """Cut an object into patches and tie them to the elements of its unmodified mesh."""
+    base = baked.base
+    face = face_of_corner(base.face_start)
+    if target is Target.FACE:
+        element_patch = np.arange(len(base.face_start) - 1)
+        cells, element, source_face = _face_cells(baked, world)
+        linked, node, n_nodes = face, base.corner_vertex, len(base.positions)
+    else:
+        cells, corner, source_face = _corner_cells(baked, world)
+        if target is Target.POINT:
+            corner_patch = base.corner_vertex
+            element_patch = np.arange(len(base.positions))
+        else:
+            corner_patch = element_patch = np.unique(_fans(base), return_inverse=True)[1]
+        element = corner_patch[corner]
+        linked, node, n_nodes = corner_patch, face, len(base.face_start) - 1
+    n_patches = int(element_patch.max()) + 1
+    if (np.diff(element) < 0).any():
+        order = np.argsort(element, kind="stable")
+        cells, element, source_face = cells[order], element[order], source_face[order]
+    area = triangle_areas(cells)
+    area[~np.isfinite(area)] = 0.0
+    total = np.maximum(np.bincount(element, area, n_patches), np.finfo(float).tiny)
+    colour = world.reflectance[source_face]
+    reflectance = np.stack([np.bincount(element, area * colour[:, k], n_patches) for k in range(3)], -1)
+    name = np.uint32(zlib.crc32(baked.snapshot.name.encode()))
+    return _PatchPart(
+        cells=cells,
+        patch=element,
+        ids=hash32(np.arange(n_patches, dtype=np.uint32) ^ hash32(name)),
+        reflectance=reflectance / total[:, None],
+        element_patch=element_patch,
+        element_patch_of_node=linked,
+        node=node,
+        n_nodes=n_nodes,
+    )
+
+
+def _face_cells(baked: BakedObject, world: _World) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles (m, 3, 3), the unmodified face of each, and the evaluated face of each."""
+    mesh = baked.snapshot.mesh
+    cells, face = world.vertices[world.triangles], mesh.triangle_face.astype(np.int64)
+    if mesh.face_origin is None:
+        return cells, face, face
+    origin = mesh.face_origin[face] - 1
+    known = (origin >= 0) & (origin < len(baked.base.face_start) - 1)
+    return cells[known], origin[known].astype(np.int64), face[known]
+
+
+def _corner_cells(baked: BakedObject, world: _World) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles (m, 3, 3) around corners, the unmodified corner of each, and the evaluated face of each."""
+    mesh, base = baked.snapshot.mesh, baked.base
+    points = world.vertices[mesh.corner_vertex]
+    if mesh.rest is not None:
+        points = np.hstack([points, mesh.rest[mesh.corner_vertex]])
+    cells, corner = corner_cells(points, mesh.face_start, mesh.triangle_corners, mesh.triangle_face)
+    if world.triangle_corners is not mesh.triangle_corners:  # mirrored
+        cells = cells[:, ::-1]
+    face = face_of_corner(mesh.face_start)[corner]
+    if mesh.face_origin is None or mesh.rest is None:
+        return cells[..., :3], corner, face
+    origin = mesh.face_origin[face].astype(np.int64) - 1
+    known = (origin >= 0) & (origin < len(base.face_start) - 1)
+    cells, origin, face = cells[known], origin[known], face[known]
+    return cells[..., :3], _nearest_corner(base, origin, cells[..., 3:].mean(1)), face
+
+
+def _nearest_corner(base: MeshArrays, face: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """For points (m, 3) on faces (m,) of a mesh, the corner of that face that is nearest."""
+    size = np.diff(base.face_start)[face]
+    first = np.cumsum(size) - size
+    owner = np.repeat(np.arange(len(face)), size)
+    corner = base.face_start[face[owner]] + np.arange(len(owner)) - first[owner]
+    offset = base.positions[base.corner_vertex[corner]] - points[owner]
+    distance = np.einsum("ij,ij->i", offset, offset)
+    order = np.lexsort((distance, owner))
+    return corner[order[first]].astype(np.int64)
+
+
+def _fans(base: MeshArrays) -> np.ndarray:
+    points = base.positions[base.corner_vertex].astype(np.float64)
+    return smooth_fans(
+        points,
+        base.face_start,
+        base.triangle_corners,
+        base.triangle_face,
+        base.corner_vertex,
+        base.corner_edge,
+        base.sharp_edge,
+        base.sharp_face,
+    )

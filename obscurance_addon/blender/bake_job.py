@@ -1,0 +1,338 @@
+"""One bake of some objects of a scene, driven alike by the operator, the command line and scripts.
+
+    job = BakeJob(context, objects, settings, output)
+    while not job.step(0.1):
+        show(job.progress, job.remaining)
+    report = job.commit()
+
+The constructor reads the scene, a thread of its own computes, `commit` writes. Until then nothing of the user's
+changes.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from ..core.bake import Monitor, Obscurances, bake_obscurances
+from ..core.errors import BakeCancelledError, ObscuranceError
+from ..core.settings import BakeSettings
+from . import color_attribute
+from .bake_arrays import BakeArrays, prepare_arrays
+from .output_settings import OutputSettings, Scale, SharedMeshes, Target
+from .scene_geometry import BakedObject, snapshot_scene
+
+
+class SceneChangedError(ObscuranceError):
+    """The scene was edited while the bake ran, so that its result has no place any more."""
+
+
+@dataclass(frozen=True)
+class BakeReport:
+    """What a bake did.
+
+    Attributes
+    ----------
+    objects : list of str
+    patches, triangles, rays : int
+        `rays` counts those for the error estimate too.
+    seconds : dict of str to float
+        Per phase: extract, build, trace, write.
+    r_ave, rmse : tuple of float
+        Mean reflectance, and estimated error of the values written, per RGB channel.
+    d_max : float
+        Metres.
+    warnings : list of str
+    """
+
+    objects: list[str]
+    patches: int
+    triangles: int
+    rays: int
+    seconds: dict[str, float]
+    r_ave: tuple[float, float, float]
+    rmse: tuple[float, float, float]
+    d_max: float
+    warnings: list[str] = field(default_factory=list)
+
+    def summary(self) -> str:
+        """One line for the status bar or the terminal."""
+        return (
+            f"Baked {self.patches:,} patches of {len(self.objects)} object{'s' * (len(self.objects) != 1)} with "
+            f"{self.rays:,} rays in {sum(self.seconds.values()):.2f} s, estimated error {max(self.rmse):.2g}"
+        )
+
+
+class BakeJob:
+    """A bake that is under way.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        Its scene and view layer are baked; must be in object mode.
+    objects : iterable of bpy.types.Object
+        What to bake; everything else that is visible occludes. Objects whose mesh is linked are skipped with a warning.
+    settings : BakeSettings
+    output : OutputSettings
+
+    Raises
+    ------
+    ObscuranceError
+        When nothing can be baked, or the attribute name cannot be used; the message names object and cure.
+    """
+
+    def __init__(
+        self,
+        context: bpy.types.Context,
+        objects: Iterable[bpy.types.Object],
+        settings: BakeSettings,
+        output: OutputSettings,
+    ) -> None:
+        began = time.perf_counter()
+        self._output = output
+        self._settings = settings
+        self._warnings: list[str] = []
+        writable = _writable(objects, self._warnings)
+        for ob in writable:
+            for name, _domain in output.layers():
+                color_attribute.check_name(ob, name)
+        self._snapshot = snapshot_scene(context, writable, needs_rest=output.target is not Target.FACE)
+        self._warnings += self._snapshot.notes
+        self._extract_seconds = time.perf_counter() - began
+        self._monitor = _JobMonitor()
+        self._arrays: BakeArrays | None = None
+        self._result: Obscurances | None = None
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._compute, name="obscurance-bake", daemon=True)
+        self._thread.start()
+
+    def _compute(self) -> None:
+        """Everything between reading and writing, without bpy; runs in its own thread."""
+        try:
+            began = time.perf_counter()
+            self._arrays = prepare_arrays(self._snapshot, self._output.target)
+            self._monitor.check()
+            self._extract_seconds += time.perf_counter() - began
+            self._result = bake_obscurances(
+                self._arrays.surfaces,
+                self._arrays.patches,
+                self._settings,
+                neighbours=self._arrays.neighbours,
+                patch_reflectance=self._arrays.patch_reflectance,
+                monitor=self._monitor,
+            )
+        except BaseException as error:  # handed to the thread that steps the job
+            self._error = error
+
+    def step(self, budget_s: float) -> bool:
+        """Wait for at most `budget_s` seconds; True once the result is ready to commit.
+
+        Raises
+        ------
+        ObscuranceError
+            What stopped the bake; `BakeCancelledError` after `cancel`.
+        """
+        self._thread.join(budget_s)
+        if self._thread.is_alive():
+            return False
+        if self._error is not None:
+            raise self._error
+        return True
+
+    def run(self, on_step: Callable[[BakeJob], None] | None = None) -> BakeReport:
+        """Step to the end and commit, for callers that may block; `on_step` is called several times a second."""
+        try:
+            while not self.step(0.1):
+                if on_step is not None:
+                    on_step(self)
+        except BaseException:
+            self.cancel()
+            raise
+        return self.commit()
+
+    @property
+    def progress(self) -> float:
+        """Share of the work done, 0 .. 1."""
+        return self._monitor.progress
+
+    @property
+    def remaining(self) -> float | None:
+        """Estimated seconds left, None while there is nothing to estimate from."""
+        return self._monitor.remaining
+
+    def cancel(self) -> None:
+        """Stop computing and wait for the threads to end; nothing has been written. Does no harm when done."""
+        self._monitor.cancelled.set()
+        self._thread.join()
+
+    def commit(self) -> BakeReport:
+        """Write the result into the scene, whole or not at all; main thread, after `step` returned True.
+
+        Raises
+        ------
+        SceneChangedError
+            When an object is gone, has other faces than when the bake began, or is in Edit Mode.
+        AttributeNameError
+            When an attribute cannot be made.
+        """
+        began = time.perf_counter()
+        result, arrays = self._result, self._arrays
+        values, rmse = result.coloured, result.rmse
+        if self._output.scale is Scale.WHITE:
+            values, rmse = result.white(), result.white_rmse()
+        per_object = [values[r.first : r.end][r.element_patch] for r in arrays.ranges]
+        notes = _write(self._snapshot.baked, per_object, self._output)
+        seconds = {"extract": self._extract_seconds, **result.seconds, "write": time.perf_counter() - began}
+        return BakeReport(
+            objects=[baked.snapshot.name for baked in self._snapshot.baked],
+            patches=len(arrays.patches),
+            triangles=len(arrays.surfaces.triangles),
+            rays=result.rays + result.error_rays,
+            seconds=seconds,
+            r_ave=tuple(float(x) for x in result.r_ave),
+            rmse=tuple(float(x) for x in rmse),
+            d_max=result.d_max,
+            warnings=self._warnings + arrays.warnings + result.warnings + notes,
+        )
+
+
+class _JobMonitor(Monitor):
+    """Progress and cancellation, shared by the job's threads."""
+
+    _BUILD_SHARE = 0.1  # of the progress bar: building takes about a tenth of a bake at 64 rays
+
+    def __init__(self) -> None:
+        self.cancelled = threading.Event()
+        self._lock = threading.Lock()
+        self._tracing = False
+        self._total, self._done, self._since = 1, 0, time.perf_counter()
+
+    def check(self) -> None:
+        if self.cancelled.is_set():
+            raise BakeCancelledError("cancelled")
+
+    def phase(self, name: str, total: int) -> None:
+        self.check()
+        with self._lock:
+            self._tracing = name == "trace"
+            self._total, self._done, self._since = max(total, 1), 0, time.perf_counter()
+
+    def advance(self, amount: int) -> None:
+        self.check()
+        with self._lock:
+            self._done += amount
+
+    @property
+    def progress(self) -> float:
+        share = min(self._done / self._total, 1.0)
+        return self._BUILD_SHARE + (1.0 - self._BUILD_SHARE) * share if self._tracing else self._BUILD_SHARE * share
+
+    @property
+    def remaining(self) -> float | None:
+        if not self._tracing or not self._done:
+            return None
+        return (time.perf_counter() - self._since) * max(self._total - self._done, 0) / self._done
+
+
+def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[bpy.types.Object]:
+    """Mesh objects whose mesh can be written; the others are named in a warning."""
+    objects = list(objects)
+    others = [ob.name for ob in objects if ob.type != "MESH"]
+    if others:
+        warnings.append(f"not a mesh, so nothing was baked onto: {', '.join(map(repr, others))}")
+    meshes = [ob for ob in objects if ob.type == "MESH"]
+    linked = [ob.name for ob in meshes if ob.data.library is not None or not ob.data.is_editable]
+    if linked:
+        warnings.append(
+            f"linked from a library, so their mesh cannot be written: {', '.join(map(repr, linked))}; make the mesh "
+            "local (Object > Relations > Make Local) to bake onto it"
+        )
+    writable = [ob for ob in meshes if ob.name not in linked]
+    empty = [ob.name for ob in writable if not len(ob.data.polygons)]
+    if empty:
+        warnings.append(f"without faces, so nothing was baked onto: {', '.join(map(repr, empty))}")
+    writable = [ob for ob in writable if len(ob.data.polygons)]
+    if not writable:
+        raise ObscuranceError("; ".join(["there is nothing to bake: select at least one mesh object", *warnings]))
+    return writable
+
+
+def _write(baked: list[BakedObject], values: list[np.ndarray], output: OutputSettings) -> list[str]:
+    """Put the values of all objects into attributes; on failure all is as it was."""
+    objects = [_find(b, output) for b in baked]
+    groups: dict[int, list[int]] = {}
+    for i, ob in enumerate(objects):
+        groups.setdefault(ob.data.session_uid, []).append(i)
+    notes: list[str] = []
+    copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
+    prepared: list[tuple[bpy.types.Mesh, str]] = []
+    try:
+        jobs = []
+        for members in groups.values():
+            if output.shared_meshes is SharedMeshes.AVERAGE:
+                mean = np.mean([values[i] for i in members], axis=0)
+                jobs.append((objects[members[0]].data, mean, baked[members[0]]))
+                continue
+            _separate([objects[i] for i in members], copies, notes)
+            jobs += [(objects[i].data, values[i], baked[i]) for i in members]
+        for mesh, _, _ in jobs:
+            for name, domain in output.layers():
+                prepared.append((mesh, color_attribute.prepare(mesh, name, domain)))
+    except BaseException:
+        for mesh, layer in prepared:
+            color_attribute.discard(mesh, layer)
+        for ob, mesh in copies:
+            copy, ob.data = ob.data, mesh
+            bpy.data.meshes.remove(copy)
+        raise
+    layer_of = iter(prepared)
+    for mesh, colours, source in jobs:
+        for name, domain in output.layers():
+            spread = colours
+            if domain == "CORNER" and output.target is Target.FACE:
+                spread = np.repeat(colours, np.diff(source.base.face_start), axis=0)
+            replaced = color_attribute.fill(mesh, next(layer_of)[1], name, spread)
+            if replaced:
+                notes.append(replaced)
+        shown, shown_domain = output.layers()[0]
+        if shown_domain != "FACE":  # only corner and point colours can be active in the viewport
+            color_attribute.make_active(mesh, shown)
+    return notes
+
+
+def _separate(
+    users: list[bpy.types.Object], copies: list[tuple[bpy.types.Object, bpy.types.Mesh]], notes: list[str]
+) -> None:
+    """Give each object a mesh of its own; the first keeps the mesh unless objects that are not baked use it too."""
+    mesh = users[0].data
+    uids = {ob.session_uid for ob in users}
+    outsiders = any(ob.data == mesh and ob.session_uid not in uids for ob in bpy.data.objects if ob.type == "MESH")
+    copied = users if outsiders else users[1:]
+    for ob in copied:
+        copies.append((ob, mesh))
+        ob.data = mesh.copy()
+    if copied:
+        names = ", ".join(f"'{ob.name}'" for ob in copied)
+        notes.append(f"mesh '{mesh.name}' is shared, so these got a copy of their own: {names}")
+
+
+def _find(baked: BakedObject, output: OutputSettings) -> bpy.types.Object:
+    """The object again, by its id: references do not survive an undo."""
+    name = baked.snapshot.name
+    ob = next((ob for ob in bpy.data.objects if ob.session_uid == baked.session_uid), None)
+    if ob is None or ob.type != "MESH":
+        raise SceneChangedError(f"object '{name}' was deleted during the bake: bake again")
+    base, mesh = baked.base, ob.data
+    if mesh.is_editmode or ob.mode == "EDIT":
+        raise SceneChangedError(f"object '{name}' is in Edit Mode: leave it and bake again")
+    counts = (len(base.positions), len(base.corner_vertex), len(base.face_start) - 1)
+    if (len(mesh.vertices), len(mesh.loops), len(mesh.polygons)) != counts:
+        raise SceneChangedError(f"the mesh of object '{name}' was edited during the bake: bake again")
+    for layer, _domain in output.layers():
+        color_attribute.check_name(ob, layer)
+    return ob

@@ -1,0 +1,124 @@
+"""Writes colours into mesh attributes, without touching anything else of the user's.
+
+Facts that this file works around: the first colour attribute made becomes active and default by itself; a Python
+reference to an attribute may mean another one after the next is added; `attributes.new` returns None for names it
+cannot use.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..core.errors import ObscuranceError
+
+MAX_NAME_BYTES = 60  # Blender keeps 67, and names of temporary layers add to it
+_PENDING = ".baking"  # suffix of a new layer until its values are in
+
+# Blender gives these a meaning of its own; a colour there would destroy what they hold.
+_BUILT_IN = {
+    "position", "material_index", "sharp_edge", "sharp_face", "crease_edge", "crease_vert", "bevel_weight_edge",
+    "bevel_weight_vert", "custom_normal", "freestyle_edge", "freestyle_face", "uv_seam", "velocity", "id", "radius",
+}  # fmt: skip
+
+
+class AttributeNameError(ObscuranceError):
+    """The chosen name cannot hold a colour on some object."""
+
+
+def check_name(ob: bpy.types.Object, name: str) -> None:
+    """Make sure that a colour attribute of this name can be written on an object.
+
+    Raises
+    ------
+    AttributeNameError
+        When the name is empty, too long, reserved, or in use for something that must not be replaced.
+    """
+    if not name.strip():
+        raise AttributeNameError("the attribute needs a name: enter one, for example 'Obscurance'")
+    if len(name.encode()) > MAX_NAME_BYTES:
+        raise AttributeNameError(f"the attribute name '{name}' is too long: use at most {MAX_NAME_BYTES} bytes")
+    if name.startswith(".") or name in _BUILT_IN:
+        raise AttributeNameError(f"the attribute name '{name}' is reserved by Blender: choose another one")
+    for kind, taken in (("vertex group", ob.vertex_groups), ("UV map", ob.data.uv_layers)):
+        if name in taken:
+            raise AttributeNameError(
+                f"object '{ob.name}' has a {kind} named '{name}', which a bake must not replace: choose another "
+                f"attribute name, or rename the {kind}"
+            )
+
+
+def prepare(mesh: bpy.types.Mesh, name: str, domain: str) -> str:
+    """Make room for a colour attribute and return the name of the layer to fill, a new one if need be.
+
+    Nothing that exists is changed yet, so that a failure on another mesh can be undone by `discard`.
+
+    Raises
+    ------
+    AttributeNameError
+        When Blender refuses the layer.
+    """
+    if is_color(mesh, name, domain):
+        return name
+    pending = name + _PENDING
+    default = mesh.attributes.default_color_name
+    active = mesh.attributes.active_color_name
+    if mesh.attributes.new(pending, "FLOAT_COLOR", domain) is None:
+        raise AttributeNameError(f"mesh '{mesh.name}' takes no attribute named '{name}': choose another name")
+    mesh.attributes.default_color_name = default
+    mesh.attributes.active_color_name = active
+    return pending
+
+
+def discard(mesh: bpy.types.Mesh, layer: str) -> None:
+    """Remove a layer that `prepare` made."""
+    if layer.endswith(_PENDING) and layer in mesh.attributes:
+        mesh.attributes.remove(mesh.attributes[layer])
+
+
+def fill(mesh: bpy.types.Mesh, layer: str, name: str, values: np.ndarray) -> str | None:
+    """Write values into a prepared layer and give it its name.
+
+    Parameters
+    ----------
+    mesh : bpy.types.Mesh
+    layer : str
+        What `prepare` returned.
+    name : str
+        The name to end up with; an attribute of that name but another kind is removed.
+    values : ndarray, (n, 3) float
+        Linear colours, finite.
+
+    Returns
+    -------
+    str or None
+        What was replaced, in words.
+    """
+    rgba = np.ones((len(values), 4), np.float32)
+    rgba[:, :3] = values
+    mesh.attributes[layer].data.foreach_set("color", rgba.ravel())
+    replaced = None
+    if layer != name:
+        default, active = mesh.attributes.default_color_name, mesh.attributes.active_color_name
+        if name in mesh.attributes:
+            old = mesh.attributes[name]
+            replaced = f"attribute '{name}' of mesh '{mesh.name}' ({old.data_type}, {old.domain}) was replaced"
+            mesh.attributes.remove(old)
+        mesh.attributes[layer].name = name
+        mesh.attributes.default_color_name = default
+        mesh.attributes.active_color_name = active
+    mesh.update()
+    return replaced
+
+
+def make_active(mesh: bpy.types.Mesh, name: str) -> None:
+    """Show this colour in the viewport and in painting; the default for renders changes only if there was none."""
+    if not mesh.attributes.default_color_name or mesh.attributes.default_color_name not in mesh.attributes:
+        mesh.attributes.default_color_name = name
+    mesh.attributes.active_color_name = name
+
+
+def is_color(mesh: bpy.types.Mesh, name: str, domain: str) -> bool:
+    """Whether the mesh has a floating point colour attribute of this name and domain."""
+    attribute = mesh.attributes.get(name)
+    return attribute is not None and attribute.data_type == "FLOAT_COLOR" and attribute.domain == domain

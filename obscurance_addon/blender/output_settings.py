@@ -1,0 +1,63 @@
+"""Where the values of a bake go, and on which scale."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+_CORNER_SUFFIX = " Color"
+
+
+class Target(enum.StrEnum):
+    """What a value belongs to."""
+
+    FACE = "FACE"
+    CORNER = "CORNER"
+    POINT = "POINT"
+
+
+class Scale(enum.StrEnum):
+    """What number an open face gets."""
+
+    WHITE = "WHITE"  # W / R_ave: open is white, a layer to multiply by
+    PAPER = "PAPER"  # W of eq. 5 as it is
+
+
+class SharedMeshes(enum.StrEnum):
+    """What happens to a mesh that several baked objects use."""
+
+    SEPARATE = "SEPARATE"  # each object gets a copy of its own
+    AVERAGE = "AVERAGE"  # one mesh, the mean of its objects' values
+
+
+@dataclass(frozen=True)
+class OutputSettings:
+    """Where the result goes.
+
+    Parameters
+    ----------
+    target : Target
+    attribute_name : str
+    scale : Scale
+    shared_meshes : SharedMeshes
+    corner_copy : bool
+        With target FACE, also write a flat CORNER colour attribute, which viewport, painting and exporters can see.
+    """
+
+    target: Target = Target.FACE
+    attribute_name: str = "Obscurance"
+    scale: Scale = Scale.WHITE
+    shared_meshes: SharedMeshes = SharedMeshes.SEPARATE
+    corner_copy: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "target", Target(self.target))
+        object.__setattr__(self, "scale", Scale(self.scale))
+        object.__setattr__(self, "shared_meshes", SharedMeshes(self.shared_meshes))
+
+    def layers(self) -> list[tuple[str, str]]:
+        """Names and domains to write, the one to show first."""
+        layers = [(self.attribute_name, self.target.value)]
+        if self.target is Target.FACE and self.corner_copy:
+            layers.insert(0, (self.attribute_name + _CORNER_SUFFIX, "CORNER"))
+        return layers

@@ -1,0 +1,1 @@
+"""Operators and panels: gather input, call one function, report."""

@@ -1,0 +1,140 @@
+"""The Bake operator: modal with progress in a window, blocking everywhere else."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..blender.bake_job import BakeJob, BakeReport
+from ..blender.object_mode import ObjectModeGuard
+from ..core.errors import BakeCancelledError, ObscuranceError
+
+_TICK_S = 0.05  # between looks at the job
+_POLL_S = 0.001  # what a look may wait
+
+
+class OBSCURANCE_OT_bake(bpy.types.Operator):
+    """Bake obscurances of the selected mesh objects into a color attribute; everything else that renders occludes"""
+
+    bl_idname = "obscurance.bake"
+    bl_label = "Bake Obscurances"
+    bl_options = {"REGISTER", "UNDO"}
+
+    _job: BakeJob | None = None
+    _guard: ObjectModeGuard | None = None
+    _timer: bpy.types.Timer | None = None
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if any(ob.type == "MESH" for ob in context.selected_objects):
+            return True
+        cls.poll_message_set("Select at least one mesh object to bake")
+        return False
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Bake to the end before returning, for scripts and background mode."""
+        guard = ObjectModeGuard(context)
+        try:
+            report = self._start(context).run()
+        except ObscuranceError as error:
+            self.report({"ERROR"}, _sentence(str(error)))
+            return {"CANCELLED"}
+        finally:
+            guard.restore(context)
+        self._tell(report)
+        return {"FINISHED"}
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Bake while the window stays usable; Esc cancels."""
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        self._guard = ObjectModeGuard(context)
+        try:
+            self._job = self._start(context)
+        except ObscuranceError as error:
+            self._guard.restore(context)
+            self.report({"ERROR"}, _sentence(str(error)))
+            return {"CANCELLED"}
+        manager = context.window_manager
+        manager.progress_begin(0.0, 100.0)
+        self._timer = manager.event_timer_add(_TICK_S, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC" and event.value == "PRESS":
+            self.cancel(context)
+            self.report({"INFO"}, "Bake cancelled, nothing was changed")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            if not self._job.step(_POLL_S):
+                self._show_progress(context)
+                return {"PASS_THROUGH"}
+            report = self._job.commit()
+        except BakeCancelledError:
+            self._finish(context)
+            return {"CANCELLED"}
+        except ObscuranceError as error:
+            self._finish(context)
+            self.report({"ERROR"}, _sentence(str(error)))
+            return {"CANCELLED"}
+        except BaseException:
+            self._finish(context)
+            raise
+        self._finish(context)
+        self._tell(report)
+        return {"FINISHED"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Stop the job and leave the scene as it was; Blender also calls this when a file is loaded or it quits."""
+        if self._job is not None:
+            self._job.cancel()
+        self._finish(context)
+
+    def _start(self, context: bpy.types.Context) -> BakeJob:
+        settings = context.scene.obscurance
+        return BakeJob(context, context.selected_objects, settings.to_settings(), settings.to_output())
+
+    def _show_progress(self, context: bpy.types.Context) -> None:
+        remaining = self._job.remaining
+        left = "" if remaining is None else f", {remaining:.0f} s left"
+        context.window_manager.progress_update(100.0 * self._job.progress)
+        context.workspace.status_text_set(f"Baking obscurances: {self._job.progress:.0%}{left}    Esc: Cancel")
+
+    def _finish(self, context: bpy.types.Context) -> None:
+        """Take down timer and status text and go back to the mode that the user was in."""
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            context.window_manager.progress_end()
+            context.workspace.status_text_set(None)
+        if self._guard is not None:
+            self._guard.restore(context)
+        self._timer = self._guard = self._job = None
+
+    def _tell(self, report: BakeReport) -> None:
+        for warning in report.warnings:
+            self.report({"WARNING"}, _sentence(warning))
+        self.report({"INFO"}, report.summary())
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def draw_menu(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    """Entry of the Object menu."""
+    self.layout.separator()
+    self.layout.operator(OBSCURANCE_OT_bake.bl_idname)
+
+
+def register() -> None:
+    """Register the operator and its menu entry."""
+    bpy.utils.register_class(OBSCURANCE_OT_bake)
+    bpy.types.VIEW3D_MT_object.append(draw_menu)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.types.VIEW3D_MT_object.remove(draw_menu)
+    bpy.utils.unregister_class(OBSCURANCE_OT_bake)

@@ -1,0 +1,37 @@
+# Every target is also a plain command in CONTRIBUTING.md.
+PYTHON ?= python3.11
+VENV ?= .venv
+BPY ?= 4.5.15
+RUN = $(VENV)/bin/python
+
+.PHONY: venv demo test test-core test-blender lint bench samples clean
+
+venv: $(VENV)/installed-$(BPY)
+
+$(VENV)/installed-$(BPY): pyproject.toml tools/make_venv.sh
+	PYTHON="$(PYTHON)" VENV="$(VENV)" BPY="$(BPY)" sh tools/make_venv.sh
+
+demo: venv
+	$(RUN) tools/demo.py
+
+test: venv
+	$(RUN) -m pytest tests
+
+test-core: venv
+	$(RUN) -m pytest tests/core
+
+test-blender: venv
+	$(RUN) -m pytest tests/blender
+
+lint: venv
+	$(RUN) -m ruff check .
+	$(RUN) -m ruff format --check .
+
+bench: venv
+	$(RUN) benchmarks/run.py
+
+samples: venv
+	$(RUN) sample_blends/make_samples.py
+
+clean:
+	rm -rf demo build .venv .venv-*

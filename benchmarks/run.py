@@ -1,0 +1,73 @@
+"""Runs all benchmarks and writes raw results and the table.
+
+    python benchmarks/run.py [--only NAME ...] [--repeats N]
+
+Raw JSON goes to benchmarks/results/, the table to benchmarks/README.md; --only renews those parts and keeps the others.
+Times are of one shared machine: read the ratios, which compare things measured side by side in one run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+import table
+
+HERE = Path(__file__).resolve().parent
+RESULTS = HERE / "results"
+SCALING_SIZES = (10_000, 31_684, 100_489, 315_844, 1_000_000)  # faces of square grids, half a decade apart
+NAMES = ("trace_rate", "whole_bake", "scaling", "cycles_ao")
+
+
+def main() -> None:
+    """Run each benchmark in a process of its own, then write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES)
+    parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("--worker", nargs="+", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.worker:
+        _work(*options.worker, repeats=options.repeats)
+        return
+    RESULTS.mkdir(exist_ok=True)
+    for name in options.only:
+        print(f"{name} ...", flush=True)
+        if name == "scaling":
+            results = [_in_process(name, options.repeats, str(size)) for size in SCALING_SIZES]
+        else:
+            results = _in_process(name, options.repeats)
+        record = {"machine": _machine(), "results": results}
+        (RESULTS / f"{name}.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    (HERE / "README.md").write_text(table.text(RESULTS), encoding="utf-8")
+    print(f"wrote {HERE / 'README.md'}")
+
+
+def _in_process(*arguments: str | int) -> object:
+    name, repeats, *rest = arguments
+    command = [sys.executable, __file__, "--repeats", str(repeats), "--worker", str(name), *rest]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _work(name: str, *arguments: str, repeats: int) -> None:
+    sys.path.insert(0, str(HERE.parent))
+    module = __import__(name)
+    result = module.run(*map(int, arguments)) if arguments else module.run(repeats)
+    print("\n" + json.dumps(result), flush=True)
+    os._exit(0)  # see obscurance_addon/__main__.py
+
+
+def _machine() -> dict:
+    from importlib.metadata import version
+
+    packages = {name: version(name) for name in ("bpy", "embreex", "numpy")}
+    return {"processors": len(os.sched_getaffinity(0)), "machine": platform.machine(), **packages}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,32 @@
+"""Cost and memory per patch as the scene grows from 10,000 to 1,000,000 faces. Each size runs in a process of its own."""
+
+from __future__ import annotations
+
+import resource
+
+import bpy
+from scenes import TERRAIN_DISTANCE, bumpy_terrain, empty_scene
+
+from obscurance_addon.blender.bake_job import BakeJob
+from obscurance_addon.blender.output_settings import OutputSettings
+from obscurance_addon.core.settings import BakeSettings
+
+
+def run(faces: int) -> dict:
+    """Bake one terrain twice; the first bake pays for warming up."""
+    empty_scene()
+    terrain = bumpy_terrain(faces)
+    before = _peak()
+    settings = BakeSettings(rays=64, distance=TERRAIN_DISTANCE)
+    reports = [BakeJob(bpy.context, [terrain], settings, OutputSettings()).run() for _ in range(2)]
+    return {
+        "faces": reports[0].patches,
+        "rays": reports[0].rays,
+        "phases": [report.seconds for report in reports],
+        "peak_bytes": _peak(),
+        "peak_bytes_before": before,
+    }
+
+
+def _peak() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

@@ -1,0 +1,120 @@
+"""Turns raw results into the tables of benchmarks/README.md."""
+
+from __future__ import annotations
+
+import json
+import statistics
+from pathlib import Path
+
+import numpy as np
+
+_HEAD = """# Benchmarks
+
+    make bench
+
+runs everything here in about a quarter of an hour, writes raw results to `results/` and this page. Nothing on it is
+typed by hand: edit `table.py`. The machine is small and shared, so only ratios of things measured side by side in one
+run mean anything; medians are given.
+
+"""
+
+
+def text(results: Path) -> str:
+    """The page for all results present in a folder."""
+    sections = {
+        "trace_rate": _trace_rate,
+        "whole_bake": _whole_bake,
+        "scaling": _scaling,
+        "cycles_ao": _cycles_ao,
+    }
+    parts = [_HEAD]
+    for name, section in sections.items():
+        path = results / f"{name}.json"
+        if path.is_file():
+            record = json.loads(path.read_text(encoding="utf-8"))
+            machine = record["machine"]
+            parts.append(section(record["results"]))
+            parts.append(
+                f"{machine['processors']} processors ({machine['machine']}), bpy {machine['bpy']}, embreex "
+                f"{machine['embreex']}, numpy {machine['numpy']}.\n\n"
+            )
+    return "".join(parts).rstrip() + "\n"
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n\n"
+
+
+def _trace_rate(results: list[dict]) -> str:
+    rows = []
+    for r in results:
+        ratio = statistics.median(b / o for o, b in zip(r["seconds"], r["seconds_bare"], strict=True))
+        ours, bare = (r["rays"] / statistics.median(r[key]) / 1e6 for key in ("seconds", "seconds_bare"))
+        rows.append(
+            ["colour" if r["bleeding"] else "grey", f"{r['rays']:,}", f"{ours:.2f}", f"{bare:.2f}", f"{ratio:.3f}"]
+        )
+    return (
+        f"## Tracing and weighing, beside bare embreex\n\nSuzanne with {results[0]['faces'] - 1:,} faces over a plane, "
+        "64 rays a face, automatic distance. Bare embreex answers the very same rays in blocks of the same size on as "
+        "many threads, and throws the answers away.\n\n"
+        + _table(["", "rays", "Mrays/s", "bare Mrays/s", "ratio (aim: 0.85)"], rows)
+    )
+
+
+def _whole_bake(results: list[dict]) -> str:
+    (r,) = results
+    names = ["extract", "build", "trace", "write"]
+    median = {name: statistics.median(b["phases"][name] for b in r["bakes"]) for name in names}
+    ratio = statistics.median(b["seconds"] / b["phases"]["trace"] for b in r["bakes"])
+    apart = statistics.median((b["seconds"] - r["fill_seconds"]) / b["phases"]["trace"] for b in r["bakes"])
+    rows = [[*(f"{median[name]:.3f}" for name in names), f"{r['fill_seconds']:.3f}", f"{ratio:.2f}", f"{apart:.2f}"]]
+    return (
+        f"## Whole bake\n\nThe same scene through `BakeJob`, from reading the scene to the attributes written: "
+        f"{r['rays']:,} rays, those for the error estimate included. Seconds per phase; embreex's copying of triangles "
+        "into its buffers is part of build and given apart.\n\n"
+        + _table([*names, "of build: copying", "whole / trace", "without copying (aim: 1.5)"], rows)
+    )
+
+
+def _scaling(results: list[dict]) -> str:
+    rows = []
+    for r in results:
+        phases = r["phases"][-1]
+        total = sum(phases.values())
+        rows.append(
+            [
+                f"{r['faces']:,}",
+                f"{total / r['faces'] * 1e6:.2f}",
+                f"{phases['trace'] / r['faces'] * 1e6:.2f}",
+                f"{(r['peak_bytes'] - r['peak_bytes_before']) / r['faces']:,.0f}",
+                f"{r['peak_bytes'] / 2**30:.2f}",
+            ]
+        )
+    faces = np.log([r["faces"] for r in results])
+    slope = np.polyfit(faces, np.log([sum(r["phases"][-1].values()) for r in results]), 1)[0]
+    return (
+        "## Growth with the scene\n\nA bumpy terrain whose rays meet the same surroundings at every size: 64 rays a "
+        f"face, distance four faces. Time against faces on log-log axes has slope {slope:.3f} (aim: at most 1.12).\n\n"
+        + _table(["faces", "bake, µs/face", "of it trace", "memory, bytes/face", "peak of the process, GiB"], rows)
+    )
+
+
+def _cycles_ao(results: list[dict]) -> str:
+    rows = []
+    for r in results:
+        faster = {
+            key: statistics.median(c / o for c, o in zip(r["seconds_cycles"], r[f"seconds_{key}"], strict=True))
+            for key in ("face", "corner")
+        }
+        seconds = [f"{statistics.median(r[f'seconds_{key}']):.2f}" for key in ("cycles", "face", "corner")]
+        rows.append([r["scene"], f"{r['faces']:,}", *seconds, f"{faster['face']:.0f}x", f"{faster['corner']:.0f}x"])
+    return (
+        f"## Beside Cycles' ambient occlusion bake to colour attributes\n\nThe same meshes, distance and "
+        f"{results[0]['samples']} samples on the same processors, alternating in one run; falloff STEP, no bleeding. "
+        "Cycles computes a value at every corner of every face; ours one for each face (FACE), or one for the surface "
+        "around each group of smooth corners (CORNER).\n\n"
+        + _table(
+            ["scene", "faces", "Cycles s", "FACE s", "CORNER s", "FACE is faster (aim: 20x)", "CORNER is faster"], rows
+        )
+    )

@@ -1,0 +1,40 @@
+"""A whole bake, from extraction to the attributes written, beside the time it traces."""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+import numpy as np
+from scenes import empty_scene, suzanne_over_plane
+
+from obscurance_addon.blender.bake_arrays import prepare_arrays
+from obscurance_addon.blender.bake_job import BakeJob
+from obscurance_addon.blender.output_settings import OutputSettings, Target
+from obscurance_addon.blender.scene_geometry import snapshot_scene
+from obscurance_addon.core.settings import BakeSettings
+
+
+def run(repeats: int) -> list[dict]:
+    """Bake Suzanne over a plane several times."""
+    empty_scene()
+    objects = suzanne_over_plane()
+    fill = _fill_seconds(objects)
+    bakes = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        report = BakeJob(bpy.context, objects, BakeSettings(rays=64), OutputSettings()).run()
+        bakes.append({"seconds": time.perf_counter() - began, "phases": report.seconds})
+    return [{"faces": report.patches, "rays": report.rays, "fill_seconds": fill, "bakes": bakes}]
+
+
+def _fill_seconds(objects: list[bpy.types.Object]) -> float:
+    """Time that embreex takes to copy the triangles into its buffers, which no caller can shorten."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    surfaces = prepare_arrays(snapshot_scene(bpy.context, objects), Target.FACE).surfaces
+    corners = surfaces.vertices.astype(np.float32)[surfaces.triangles]
+    began = time.perf_counter()
+    TriangleMesh(EmbreeScene(robust=True), corners)
+    return time.perf_counter() - began

@@ -1,4 +1,4 @@
-"""Cost and memory per patch as the scene grows from 10,000 to 1,000,000 faces. Each size runs in a process of its own."""
+"""Cost and memory per patch as the scene grows from 10,000 to 1,000,000 faces; one process for each size."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ class _World:
         if np.linalg.det(ob.matrix[:3, :3]) < 0.0:
             corners = corners[:, ::-1]
         slots = len(ob.shadings) - 1  # the last shading stands for faces without material
-        slot = np.where(mesh.face_material < slots, mesh.face_material, slots) if slots else mesh.face_material
+        slot = np.where(mesh.face_material < slots, mesh.face_material, slots)
         reflectance, _emission = shade_faces(ob.shadings, slot, ob.surface)
         return cls(vertices, corners, mesh.corner_vertex[corners], reflectance)
 
@@ -200,8 +200,8 @@ def _face_cells(baked: BakedObject, world: _World) -> tuple[np.ndarray, np.ndarr
     if mesh.face_origin is None:
         return cells, face, face
     origin = mesh.face_origin[face] - 1
-    known = (origin >= 0) & (origin < len(baked.base.face_start) - 1)
-    return cells[known], origin[known].astype(np.int64), face[known]
+    known = origin >= 0
+    return cells[known], origin[known], face[known]
 
 
 def _corner_cells(baked: BakedObject, world: _World) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -214,10 +214,10 @@ def _corner_cells(baked: BakedObject, world: _World) -> tuple[np.ndarray, np.nda
     if world.triangle_corners is not mesh.triangle_corners:  # mirrored
         cells = cells[:, ::-1]
     face = face_of_corner(mesh.face_start)[corner]
-    if mesh.face_origin is None or mesh.rest is None:
+    if mesh.face_origin is None:
         return cells[..., :3], corner, face
-    origin = mesh.face_origin[face].astype(np.int64) - 1
-    known = (origin >= 0) & (origin < len(base.face_start) - 1)
+    origin = mesh.face_origin[face] - 1
+    known = origin >= 0
     cells, origin, face = cells[known], origin[known], face[known]
     return cells[..., :3], _nearest_corner(base, origin, cells[..., 3:].mean(1)), face
 

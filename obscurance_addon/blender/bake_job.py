@@ -25,7 +25,7 @@ from ..core.settings import BakeSettings
 from . import color_attribute
 from .bake_arrays import BakeArrays, prepare_arrays
 from .output_settings import OutputSettings, Scale, SharedMeshes, Target
-from .scene_geometry import BakedObject, snapshot_scene
+from .scene_geometry import BakedObject, same_faces, snapshot_scene
 
 
 class SceneChangedError(ObscuranceError):
@@ -246,13 +246,13 @@ def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[
     if others:
         warnings.append(f"not a mesh, so nothing was baked onto: {', '.join(map(repr, others))}")
     meshes = [ob for ob in objects if ob.type == "MESH"]
-    linked = [ob.name for ob in meshes if ob.data.library is not None or not ob.data.is_editable]
+    linked = [ob.name for ob in meshes if not _keeps_what_is_written(ob.data)]
     if linked:
         warnings.append(
             f"linked from a library, so their mesh cannot be written: {', '.join(map(repr, linked))}; make the mesh "
             "local (Object > Relations > Make Local) to bake onto it"
         )
-    writable = [ob for ob in meshes if ob.name not in linked]
+    writable = [ob for ob in meshes if _keeps_what_is_written(ob.data)]
     empty = [ob.name for ob in writable if not len(ob.data.polygons)]
     if empty:
         warnings.append(f"without faces, so nothing was baked onto: {', '.join(map(repr, empty))}")
@@ -262,15 +262,21 @@ def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[
     return writable
 
 
+def _keeps_what_is_written(mesh: bpy.types.Mesh) -> bool:
+    """Whether attributes of a mesh reach the file: those of linked meshes and of library overrides do not."""
+    return mesh.library is None and mesh.override_library is None and mesh.is_editable
+
+
 def _write(baked: list[BakedObject], values: list[np.ndarray], output: OutputSettings) -> list[str]:
     """Put the values of all objects into attributes; on failure all is as it was."""
-    objects = [_find(b, output) for b in baked]
+    by_uid = {ob.session_uid: ob for ob in bpy.data.objects}  # references do not survive an undo
+    objects = [_unchanged(b, by_uid.get(b.session_uid), output) for b in baked]
     groups: dict[int, list[int]] = {}
     for i, ob in enumerate(objects):
         groups.setdefault(ob.data.session_uid, []).append(i)
     notes: list[str] = []
     copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
-    prepared: list[tuple[bpy.types.Mesh, str]] = []
+    prepared: list[tuple[bpy.types.Mesh, str, str]] = []
     try:
         jobs = []
         for members in groups.values():
@@ -282,21 +288,21 @@ def _write(baked: list[BakedObject], values: list[np.ndarray], output: OutputSet
             jobs += [(objects[i].data, values[i], baked[i]) for i in members]
         for mesh, _, _ in jobs:
             for name, domain in output.layers():
-                prepared.append((mesh, color_attribute.prepare(mesh, name, domain)))
+                prepared.append((mesh, name, color_attribute.prepare(mesh, name, domain)))
     except BaseException:
-        for mesh, layer in prepared:
-            color_attribute.discard(mesh, layer)
+        for made in prepared:
+            color_attribute.discard(*made)
         for ob, mesh in copies:
             copy, ob.data = ob.data, mesh
             bpy.data.meshes.remove(copy)
         raise
-    layer_of = iter(prepared)
+    layers = iter(prepared)
     for mesh, colours, source in jobs:
         for name, domain in output.layers():
             spread = colours
             if domain == "CORNER" and output.target is Target.FACE:
                 spread = np.repeat(colours, np.diff(source.base.face_start), axis=0)
-            replaced = color_attribute.fill(mesh, next(layer_of)[1], name, spread)
+            replaced = color_attribute.fill(mesh, next(layers)[2], name, spread)
             if replaced:
                 notes.append(replaced)
         shown, shown_domain = output.layers()[0]
@@ -321,17 +327,15 @@ def _separate(
         notes.append(f"mesh '{mesh.name}' is shared, so these got a copy of their own: {names}")
 
 
-def _find(baked: BakedObject, output: OutputSettings) -> bpy.types.Object:
-    """The object again, by its id: references do not survive an undo."""
+def _unchanged(baked: BakedObject, ob: bpy.types.Object | None, output: OutputSettings) -> bpy.types.Object:
+    """The object, once sure that it still has the faces that were baked."""
     name = baked.snapshot.name
-    ob = next((ob for ob in bpy.data.objects if ob.session_uid == baked.session_uid), None)
     if ob is None or ob.type != "MESH":
         raise SceneChangedError(f"object '{name}' was deleted during the bake: bake again")
     base, mesh = baked.base, ob.data
     if mesh.is_editmode or ob.mode == "EDIT":
         raise SceneChangedError(f"object '{name}' is in Edit Mode: leave it and bake again")
-    counts = (len(base.positions), len(base.corner_vertex), len(base.face_start) - 1)
-    if (len(mesh.vertices), len(mesh.loops), len(mesh.polygons)) != counts:
+    if not same_faces(mesh, base):
         raise SceneChangedError(f"the mesh of object '{name}' was edited during the bake: bake again")
     for layer, _domain in output.layers():
         color_attribute.check_name(ob, layer)

@@ -1,11 +1,15 @@
 """Writes colours into mesh attributes, without touching anything else of the user's.
 
-Facts that this file works around: the first colour attribute made becomes active and default by itself; a Python
+Facts that this file works around: the first colour attribute made becomes active and default by itself; the active
+attribute is a position in the list of all of them, so that it changes when a layer is added before it; a Python
 reference to an attribute may mean another one after the next is added; `attributes.new` returns None for names it
 cannot use.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import bpy
 import numpy as np
@@ -60,20 +64,18 @@ def prepare(mesh: bpy.types.Mesh, name: str, domain: str) -> str:
     """
     if is_color(mesh, name, domain):
         return name
-    pending = name + _PENDING
-    default = mesh.attributes.default_color_name
-    active = mesh.attributes.active_color_name
-    if mesh.attributes.new(pending, "FLOAT_COLOR", domain) is None:
-        raise AttributeNameError(f"mesh '{mesh.name}' takes no attribute named '{name}': choose another name")
-    mesh.attributes.default_color_name = default
-    mesh.attributes.active_color_name = active
-    return pending
+    with _choices_kept(mesh):
+        made = mesh.attributes.new(name + _PENDING, "FLOAT_COLOR", domain)
+        if made is None:
+            raise AttributeNameError(f"mesh '{mesh.name}' takes no attribute named '{name}': choose another name")
+        return made.name  # numbered when a layer of the user's has this name
 
 
-def discard(mesh: bpy.types.Mesh, layer: str) -> None:
-    """Remove a layer that `prepare` made."""
-    if layer.endswith(_PENDING) and layer in mesh.attributes:
-        mesh.attributes.remove(mesh.attributes[layer])
+def discard(mesh: bpy.types.Mesh, name: str, layer: str) -> None:
+    """Remove the layer that `prepare` made for this name, unless it was there already."""
+    if layer != name:
+        with _choices_kept(mesh):
+            mesh.attributes.remove(mesh.attributes[layer])
 
 
 def fill(mesh: bpy.types.Mesh, layer: str, name: str, values: np.ndarray) -> str | None:
@@ -99,14 +101,12 @@ def fill(mesh: bpy.types.Mesh, layer: str, name: str, values: np.ndarray) -> str
     mesh.attributes[layer].data.foreach_set("color", rgba.ravel())
     replaced = None
     if layer != name:
-        default, active = mesh.attributes.default_color_name, mesh.attributes.active_color_name
-        if name in mesh.attributes:
-            old = mesh.attributes[name]
-            replaced = f"attribute '{name}' of mesh '{mesh.name}' ({old.data_type}, {old.domain}) was replaced"
-            mesh.attributes.remove(old)
-        mesh.attributes[layer].name = name
-        mesh.attributes.default_color_name = default
-        mesh.attributes.active_color_name = active
+        with _choices_kept(mesh):
+            if name in mesh.attributes:
+                old = mesh.attributes[name]
+                replaced = f"attribute '{name}' of mesh '{mesh.name}' ({old.data_type}, {old.domain}) was replaced"
+                mesh.attributes.remove(old)
+            mesh.attributes[layer].name = name
     mesh.update()
     return replaced
 
@@ -116,6 +116,22 @@ def make_active(mesh: bpy.types.Mesh, name: str) -> None:
     if not mesh.attributes.default_color_name or mesh.attributes.default_color_name not in mesh.attributes:
         mesh.attributes.default_color_name = name
     mesh.attributes.active_color_name = name
+
+
+@contextmanager
+def _choices_kept(mesh: bpy.types.Mesh) -> Iterator[None]:
+    """Keep which attribute is active, and which colour is active and the default, while layers come and go."""
+    layers = mesh.attributes
+    active, index = layers.active.name if layers.active else "", layers.active_index
+    color, default = layers.active_color_name, layers.default_color_name
+    try:
+        yield
+    finally:
+        layers.default_color_name, layers.active_color_name = default, color
+        if active in layers:
+            layers.active = layers[active]
+        else:
+            layers.active_index = index
 
 
 def is_color(mesh: bpy.types.Mesh, name: str, domain: str) -> bool:

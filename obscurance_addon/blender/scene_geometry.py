@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import bpy
 import numpy as np
@@ -18,7 +18,7 @@ from .materials import ImageCache, Shading, SurfaceArrays, read_surface, snapsho
 
 log = logging.getLogger(__name__)
 
-FACE_INDEX = "obscurance_face_index"  # carried through modifiers; 1-based, since faces without origin read 0
+FACE_INDEX = "obscurance_face_index"  # carried through modifiers; above 0, since faces without origin read 0
 REST_POSITION = "obscurance_rest_position"
 SOLID_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 
@@ -51,9 +51,9 @@ class MeshArrays:
         Edge that begins at each corner.
     sharp_edge, sharp_face : ndarray, (e,) and (f,) bool
         Edges marked sharp, and faces with flat shading.
-    face_origin, rest : ndarray, (f,) int32 and (v, 3) float32, or None
-        1-based index of the unmodified face that each face came from, and where its vertices were before modifiers;
-        None for meshes whose faces are the unmodified ones.
+    face_origin, rest : ndarray, (f,) int and (v, 3) float32, or None
+        1-based index of the unmodified face that each face came from, 0 for faces that came from none, and where its
+        vertices were before modifiers; None for meshes whose faces are the unmodified ones.
     """
 
     positions: np.ndarray
@@ -87,7 +87,6 @@ class BakedObject:
     snapshot: ObjectSnapshot
     base: MeshArrays  # the mesh whose faces, corners or vertices receive the values
     session_uid: int  # of the object, to find it again when the values are written
-    mesh_uid: int  # of its mesh
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,7 @@ def snapshot_scene(
     """
     objects = list(objects)
     notes: list[str] = []
-    with _carried_indices(objects, needs_rest):
+    with _carried_indices(objects, needs_rest) as first_index:
         depsgraph = context.evaluated_depsgraph_get()
         reader = _Reader(context, notes)
         wanted = {ob.session_uid: ob for ob in objects}
@@ -140,7 +139,11 @@ def snapshot_scene(
             else:
                 occluders.append(snapshot)
         reader.note_hidden()
-        baked = [_baked_object(ob, found[ob.session_uid], notes) for ob in objects if ob.session_uid in found]
+        baked = [
+            _baked_object(ob, found[ob.session_uid], first_index.get(ob.data.session_uid), notes)
+            for ob in objects
+            if ob.session_uid in found
+        ]
     unseen = [ob.name for ob in objects if ob.session_uid not in found]
     if unseen:
         notes.append(f"hidden, or left without faces by modifiers, so nothing was baked onto: {_names(unseen)}")
@@ -163,27 +166,53 @@ def rendered_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
     ]
 
 
-def _baked_object(ob: bpy.types.Object, snapshot: ObjectSnapshot, notes: list[str]) -> BakedObject:
+def _baked_object(
+    ob: bpy.types.Object, snapshot: ObjectSnapshot, first_index: int | None, notes: list[str]
+) -> BakedObject:
+    """Tie what is seen of an object to its unmodified mesh, whose face indices were carried from `first_index` on."""
     base = read_mesh(ob.data)
-    mesh = snapshot.mesh
-    if mesh.face_origin is None and len(mesh.face_start) == len(base.face_start):
+    mesh = _with_own_origins(snapshot.mesh, base, first_index)
+    if mesh.face_origin is None:
         base = mesh
-    elif mesh.face_origin is None or not mesh.face_origin.any():
+    elif not mesh.face_origin.any():
         notes.append(
             f"object '{ob.name}': its modifiers keep no link to the faces they started from, so its unmodified mesh "
             "was baked; apply the modifiers to bake what they make"
         )
-        surface = read_surface(ob.data, snapshot.shadings)
-        snapshot = ObjectSnapshot(ob.name, base, snapshot.matrix, snapshot.shadings, surface)
-    return BakedObject(snapshot, base, ob.session_uid, ob.data.session_uid)
+        base = mesh = replace(base, face_origin=None, rest=None)
+        snapshot = replace(snapshot, surface=read_surface(ob.data, snapshot.shadings))
+    return BakedObject(replace(snapshot, mesh=mesh), base, ob.session_uid)
+
+
+def _with_own_origins(mesh: MeshArrays, base: MeshArrays, first_index: int | None) -> MeshArrays:
+    """An evaluated mesh with `face_origin` as 1-based faces of the object's own mesh, 0 for those of any other.
+
+    Faces that are the unmodified ones, in the same order, come back without `face_origin`.
+    """
+    n_faces = len(base.face_start) - 1
+    same = np.array_equal(mesh.face_start, base.face_start) and np.array_equal(mesh.corner_vertex, base.corner_vertex)
+    if first_index is None:
+        origin = np.arange(1, n_faces + 1) if same else np.zeros(len(mesh.face_start) - 1, np.int64)
+    elif mesh.face_origin is None or (base.rest is not None and mesh.rest is None):
+        origin = np.zeros(len(mesh.face_start) - 1, np.int64)
+    else:
+        origin = mesh.face_origin.astype(np.int64) - first_index
+        origin[(origin < 1) | (origin > n_faces)] = 0
+    if same and np.array_equal(origin, np.arange(1, n_faces + 1)):
+        return replace(mesh, face_origin=None, rest=None)
+    return replace(mesh, face_origin=origin)
 
 
 class _Reader:
     """Reads instances one by one; meshes, materials and images are read once however often they are used."""
 
     def __init__(self, context: bpy.types.Context, notes: list[str]) -> None:
-        self._view_layer = context.view_layer
+        self._scene = context.scene
         self._rendered = _rendered_objects(context.view_layer.layer_collection)
+        # The depsgraph also holds objects of collections whose eye is closed, so its word alone is not enough.
+        self._visible = {
+            ob.session_uid for ob in context.view_layer.objects if ob.visible_get(view_layer=context.view_layer)
+        }
         self._notes = notes
         self._meshes: dict[int, tuple[MeshArrays, bpy.types.Mesh]] = {}
         self._surfaces: dict[tuple, SurfaceArrays] = {}
@@ -198,8 +227,10 @@ class _Reader:
         if not instance.show_self or not isinstance(ob.data, bpy.types.Mesh) or not len(ob.data.polygons):
             return None
         owner = instance.parent if instance.is_instance else ob
-        if ob.hide_render or owner.hide_render or owner.original.session_uid not in self._rendered:
+        if not self._renders(ob, owner, instance.is_instance):
             self._hidden.add(ob.name)
+            return None
+        if owner.original.session_uid not in self._visible:
             return None
         shadings = [self._shading(slot.material) for slot in ob.material_slots]
         shadings.append(self._shading(None))
@@ -218,16 +249,22 @@ class _Reader:
             self._materials[key] = snapshot_material(material, self._notes, self._images)
         return self._materials[key]
 
+    def _renders(self, ob: bpy.types.Object, owner: bpy.types.Object, is_instance: bool) -> bool:
+        """Whether an object, or its instance by an owner, shows up in renders."""
+        if ob.hide_render or owner.hide_render or owner.original.session_uid not in self._rendered:
+            return False
+        return is_instance or not ob.is_instancer or ob.show_instancer_for_render
+
     def note_hidden(self) -> None:
         """Name what does not count although a user may expect it to."""
-        unseen = {
-            ob.name
-            for ob in self._view_layer.objects
-            if ob.type in SOLID_TYPES
-            and not ob.visible_get(view_layer=self._view_layer)
-            and not ob.hide_render
-            and ob.session_uid in self._rendered
-        }
+        unseen = set()
+        for ob in self._scene.collection.all_objects:
+            if ob.type not in SOLID_TYPES:
+                continue
+            if ob.hide_render or ob.session_uid not in self._rendered:
+                self._hidden.add(ob.name)
+            elif ob.session_uid not in self._visible:
+                unseen.add(ob.name)
         if self._hidden:
             self._notes.append(f"hidden from renders, so they do not occlude: {_names(self._hidden)}")
         if unseen:
@@ -249,19 +286,25 @@ def _rendered_objects(layer_collection: bpy.types.LayerCollection) -> set[int]:
 
 
 @contextmanager
-def _carried_indices(objects: list[bpy.types.Object], needs_rest: bool) -> Iterator[None]:
-    """Put face indices (and positions) on meshes whose modifiers may change topology, while the block lasts."""
-    meshes = {ob.data.session_uid: ob.data for ob in objects if _may_change_topology(ob)}.values()
+def _carried_indices(objects: list[bpy.types.Object], needs_rest: bool) -> Iterator[dict[int, int]]:
+    """Put face indices (and positions) on meshes whose modifiers may change topology, while the block lasts.
+
+    Gives the session uid of each such mesh and the index before its first one: no two meshes use the same indices, so
+    that faces which modifiers bring in from another object are not taken for an object's own.
+    """
+    meshes = {ob.data.session_uid: ob.data for ob in objects if _may_change_topology(ob)}
+    counts = [len(mesh.polygons) for mesh in meshes.values()]
+    first_index = dict(zip(meshes, np.cumsum([0, *counts]).tolist(), strict=False))
     try:
-        for mesh in meshes:
-            indices = np.arange(1, len(mesh.polygons) + 1, dtype=np.int32)
-            _put(mesh, FACE_INDEX, "INT", "FACE", "value", indices)
+        for uid, mesh in meshes.items():
+            indices = first_index[uid] + np.arange(1, len(mesh.polygons) + 1, dtype=np.int32)
+            _put(mesh, FACE_INDEX, "INT", "FACE", "value", indices.astype(np.int32))
             if needs_rest:
                 _put(mesh, REST_POSITION, "FLOAT_VECTOR", "POINT", "vector", _read(mesh, "position", "vector", "f4", 3))
             mesh.update()
-        yield
+        yield first_index
     finally:
-        for mesh in meshes:
+        for mesh in meshes.values():
             for name in (FACE_INDEX, REST_POSITION):
                 if name in mesh.attributes:
                     mesh.attributes.remove(mesh.attributes[name])
@@ -309,6 +352,18 @@ def read_mesh(mesh: bpy.types.Mesh) -> MeshArrays:
         sharp_face=_optional(mesh, "sharp_face", "?", n_faces),
         face_origin=_read(mesh, FACE_INDEX, "value", "i4", 1) if FACE_INDEX in names else None,
         rest=_read(mesh, REST_POSITION, "vector", "f4", 3) if REST_POSITION in names else None,
+    )
+
+
+def same_faces(mesh: bpy.types.Mesh, arrays: MeshArrays) -> bool:
+    """Whether a mesh still has the vertices, corners and faces of these arrays, wherever its vertices are now."""
+    counts = (len(arrays.positions), len(arrays.corner_vertex), len(arrays.face_start) - 1)
+    if (len(mesh.vertices), len(mesh.loops), len(mesh.polygons)) != counts:
+        return False
+    face_start = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("loop_start", face_start)
+    return np.array_equal(face_start, arrays.face_start[:-1]) and np.array_equal(
+        _read(mesh, ".corner_vert", "value", "i4", 1), arrays.corner_vertex
     )
 
 

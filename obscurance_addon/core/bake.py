@@ -80,18 +80,17 @@ class Obscurances:
 
     def white(self) -> np.ndarray:
         """W / R_ave per channel, (p, 3) float64: an open patch is 1. Eq. 2 without bleeding or where R_ave is 0."""
-        scale = self._white_scale()
-        return np.where(scale > 0.0, self.coloured * scale, self.grey[:, None])
+        white = self._white()
+        return np.where(white > 0.0, self.coloured / np.where(white > 0.0, white, 1.0), self.grey[:, None])
 
     def white_rmse(self) -> np.ndarray:
         """Estimated error of `white`, (3,) float64."""
-        scale = self._white_scale()
-        return np.where(scale > 0.0, self.rmse * scale, self.grey_rmse)
+        white = self._white()
+        return np.where(white > 0.0, self.rmse / np.where(white > 0.0, white, 1.0), self.grey_rmse)
 
-    def _white_scale(self) -> np.ndarray:
-        if not self.use_bleeding:
-            return np.ones(3)
-        return np.where(self.r_ave > 0.0, 1.0 / np.where(self.r_ave > 0.0, self.r_ave, 1.0), 0.0)
+    def _white(self) -> np.ndarray:
+        """Value of an open patch per channel, (3,) float64."""
+        return self.r_ave if self.use_bleeding else np.ones(3)
 
 
 def bake_obscurances(
@@ -265,7 +264,8 @@ def _build(
         monitor.advance(count - done)
         done = count
 
-    tracer = intersector(np.nan_to_num(vertices), reached.triangles, progress)
+    finite = np.nan_to_num(vertices, nan=0.0, posinf=0.0, neginf=0.0)  # no triangle that is kept has the others
+    tracer = intersector(finite, reached.triangles, progress)
     return prepare_scene(reached, patches, normalisation, tracer, settings, d_max)
 
 

@@ -6,6 +6,8 @@ count as R_ave. Hit sums and miss counts are kept apart, so that a new R_ave or 
 
 from __future__ import annotations
 
+import math
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -23,6 +25,7 @@ from .sobol import hash32
 BLOCK_RAYS = 16384  # per task: larger blocks fall out of the cache, smaller ones pay Python's overhead
 TABLE_ROWS = 1024  # rays of a sequence held at a time, so that memory does not grow with the number of rays
 FAR = np.float32(1e30)  # stands for an infinite ray length, so that 0 x length stays 0
+NEAR = np.float32(1e-30)  # the shortest ray length, so that length / length stays 1
 SAME_DIRECTION = 0.999  # cosine above which two touching faces count as doubles of each other
 COPLANAR_OFFSETS = 4.0  # hits within this many ray offsets are looked at for doubled faces
 MAX_DOUBLES = 8  # stacked doubled faces that a ray passes
@@ -62,7 +65,8 @@ class ObscuranceSums:
     def coloured(self, r_ave: np.ndarray) -> np.ndarray:
         """Obscurances with colour bleeding (eqs. 5, 6) for the mean reflectance (3,); (p, 3), NaN if invalid."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            return (self.hit[:, :3] + self.miss[:, None] * r_ave) / self.valid[:, None]
+            # In this order a patch whose rays all miss is R_ave to the last bit.
+            return self.hit[:, :3] / self.valid[:, None] + (self.miss / self.valid)[:, None] * r_ave
 
 
 @dataclass(frozen=True)
@@ -111,14 +115,14 @@ def prepare_scene(
         palette[1:, :3] = surfaces.reflectance
         palette[1:, 3] = 1.0
     solid = np.concatenate([[False], surfaces.solid]) if surfaces.solid.any() else None
-    limit = d_max / normalisation.scale
+    limit = np.float32(np.clip(d_max / normalisation.scale, NEAR, FAR))
     return TracedScene(
         prepare_cells(patches, normalisation),
         intersector,
         palette,
         solid,
-        min(np.float32(limit), FAR),
-        np.float32(1.0 / limit),
+        limit,
+        np.float32(0.0) if limit == FAR else np.float32(1.0) / limit,
         settings.falloff,
     )
 
@@ -193,6 +197,7 @@ class _Caster:
         self.scramble = (hash32(ids.astype(np.uint32) ^ np.uint32(self.seed)) % np.uint32(SCRAMBLES)).astype(np.int64)
         self.sums = np.zeros((len(cells.patch), 6))
         self.was_cast = np.zeros(len(cells.patch), bool)
+        self.scratch = _Scratch()
 
     def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
         """Add all rays of the cells (m,) int to their sums, in passes over the ray sequence."""
@@ -200,17 +205,16 @@ class _Caster:
             return
         self.was_cast[cells] = True
         start, end = self.start[cells], self.start[cells] + self.count[cells]
-        sets, row_of_set = np.unique(self.scramble[self.scene.cells.patch[cells]], return_inverse=True)
+        sets, row_of_set = self._point_sets(cells)
         with ThreadPoolExecutor(self.threads) as pool:
             for first in range(0, int(end.max()), TABLE_ROWS):
                 low, high = np.maximum(start, first), np.minimum(end, first + TABLE_ROWS)
                 rows = min(TABLE_ROWS, int(end.max()) - first)
                 table = ray_table(self.sampler, self.seed, sets, first, rows).reshape(-1, 6)
                 tasks = []
-                for n in np.unique(high - low):
-                    if n <= 0:
-                        continue
-                    group = np.flatnonzero(high - low == n)
+                n_rays = np.maximum(high - low, 0)
+                for n in np.flatnonzero(np.bincount(n_rays)[1:]) + 1:  # cells with the same number of rays go together
+                    group = np.flatnonzero(n_rays == n)
                     base = row_of_set[group] * rows + low[group] - first
                     per_block = max(1, self.block_rays // int(n))
                     for at in range(0, len(group), per_block):
@@ -220,29 +224,53 @@ class _Caster:
                 for _ in pool.map(lambda task, table=table: self._cast_block(table, *task, unbounded), tasks):
                     pass
 
+    def _point_sets(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The point sets that the cells (m,) use, ascending, and for each cell the position of its set among them."""
+        scramble = self.scramble[self.scene.cells.patch[cells]]
+        used = np.bincount(scramble, minlength=SCRAMBLES) > 0
+        return np.flatnonzero(used), (np.cumsum(used) - 1)[scramble]
+
     def _cast_block(self, table: np.ndarray, cells: np.ndarray, base: np.ndarray, n: int, unbounded: bool) -> None:
         """Cast rays `base` .. `base + n - 1` of the table from each cell and add what they meet to its sums."""
         scene = self.scene
-        origins, directions = _make_rays(scene.cells.frames[cells], table, base, n)
+        origins, directions = self._make_rays(cells, table, base, n)
         limit = FAR if unbounded else scene.limit
+        limits = self.scratch.array("limits", (len(origins),))
+        limits.fill(limit)
         if scene.needs_only_occlusion:
-            blocked = scene.intersector.occluded(origins, directions, np.full(len(origins), limit)).reshape(-1, n)
+            blocked = scene.intersector.occluded(origins, directions, limits).reshape(-1, n)
             self.sums[cells, _MISS] += n - np.count_nonzero(blocked, axis=1)
             self.progress(len(origins))
             return
-        hits = scene.intersector.intersect(origins, directions, np.full(len(origins), limit))
+        hits = scene.intersector.intersect(origins, directions, limits)
         _pass_doubled_faces(scene, cells, n, origins, directions, limit, hits)
         dropped = None
         if scene.solid is not None:
             dropped = _starts_inside(scene, directions, hits)
             if unbounded:
                 hits.triangle[(hits.distance >= scene.limit) & ~dropped] = -1
+                np.minimum(hits.distance, scene.limit, out=hits.distance)
         self._weigh(cells, n, hits.distance, hits.triangle, dropped)
         self.progress(len(origins))
+
+    def _make_rays(self, cells: np.ndarray, table: np.ndarray, base: np.ndarray, n: int) -> tuple:
+        """Origins and directions, each (m n, 3) float32, of n table rows from `base` (m,) on, in the cells' frames."""
+        m, frames = len(cells), self.scene.cells.frames[cells]
+        rows = self.scratch.array("rows", (m, n * 6))
+        if len(table) % n == 0 and not (base % n).any():  # whole groups of rows are copied at once
+            np.take(table.reshape(-1, n * 6), base // n, axis=0, mode="clip", out=rows)
+        else:
+            index = (base[:, None] + np.arange(n)).ravel()
+            np.take(table, index, axis=0, mode="clip", out=rows.reshape(-1, 6))
+        rows = rows.reshape(m, n, 6)
+        origins = np.matmul(rows[..., :3], frames[..., :3], out=self.scratch.array("origins", (m, n, 3)))
+        directions = np.matmul(rows[..., 3:], frames[..., 3:], out=self.scratch.array("directions", (m, n, 3)))
+        return origins.reshape(-1, 3), directions.reshape(-1, 3)
 
     def _weigh(
         self, cells: np.ndarray, n: int, distance: np.ndarray, triangle: np.ndarray, dropped: np.ndarray | None
     ) -> None:
+        """Add what the rays met, by distance and colour, to the sums of their cells."""
         scene, sums = self.scene, self.sums
         met = triangle >= 0
         distance *= scene.scale
@@ -251,8 +279,9 @@ class _Caster:
             rho[dropped] = 0.0
             sums[cells, _DROPPED] += np.count_nonzero(dropped.reshape(-1, n), axis=1)
         if scene.palette is not None:
-            colours = np.take(scene.palette, triangle + 1, axis=0, mode="clip").reshape(-1, n, 4)
-            sums[cells, :4] += np.matmul(rho.reshape(-1, 1, n), colours)[:, 0]
+            colours = self.scratch.array("colours", (len(triangle), 4))
+            np.take(scene.palette, np.add(triangle, 1, dtype=np.intp), axis=0, mode="clip", out=colours)
+            sums[cells, :4] += np.matmul(rho.reshape(-1, 1, n), colours.reshape(-1, n, 4))[:, 0]
         else:
             rho *= met
             sums[cells, 3] += rho.reshape(-1, n).sum(1)
@@ -264,6 +293,8 @@ class _Caster:
         Suspect are patches with a ray that was dropped, and patches whose rays met nothing at all but of which one
         unlimited ray meets the inside of a solid.
         """
+        if self.scene.limit == FAR:  # they had no limit
+            return
         patch, n_patches = self.scene.cells.patch, len(self.scene.cells.area)
         suspect = np.bincount(patch, self.sums[:, _DROPPED], n_patches) > 0.0
         met_nothing = np.bincount(patch[cells], (self.count - self.sums[:, _MISS])[cells], n_patches) == 0.0
@@ -278,9 +309,9 @@ class _Caster:
 
     def _probe(self, cells: np.ndarray) -> np.ndarray:
         """(m,) bool: whether the first ray of each cell starts inside of a solid."""
-        sets, row = np.unique(self.scramble[self.scene.cells.patch[cells]], return_inverse=True)
+        sets, row = self._point_sets(cells)
         table = ray_table(self.sampler, self.seed, sets, 0, 1).reshape(-1, 6)
-        origins, directions = _make_rays(self.scene.cells.frames[cells], table, row, 1)
+        origins, directions = self._make_rays(cells, table, row, 1)
         hits = self.scene.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
         self.rays += len(origins)
         return _starts_inside(self.scene, directions, hits)
@@ -288,19 +319,25 @@ class _Caster:
     def patch_sums(self, n_patches: int) -> ObscuranceSums:
         """Cells weighed by area into patches."""
         cells = self.scene.cells
-        shares = self.sums * (cells.weight / np.maximum(self.count, 1))[:, None]
+        shares = self.sums / np.maximum(self.count, 1)[:, None] * cells.weight[:, None]  # a whole share is exact
         columns = [np.bincount(cells.patch, shares[:, k], n_patches) for k in range(6)]
         valid = np.bincount(cells.patch, cells.weight * self.was_cast, n_patches) - columns[_DROPPED]
         valid[valid < 1e-9] = 0.0  # rounding left by weights whose rays were all dropped
         return ObscuranceSums(np.stack(columns[:4], -1), columns[_MISS], valid, self.rays)
 
 
-def _make_rays(frames: np.ndarray, table: np.ndarray, base: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Origins and directions, each (m n, 3) float32, of n table rows from `base` (m,) on in the frames (m, 3, 6)."""
-    rows = np.take(table, base[:, None] + np.arange(n), axis=0)
-    origins = np.matmul(rows[..., :3], frames[..., :3])
-    directions = np.matmul(rows[..., 3:], frames[..., 3:])
-    return origins.reshape(-1, 3), directions.reshape(-1, 3)
+class _Scratch(threading.local):
+    """Arrays that each thread uses again for every block: fresh memory costs more than the work done in it."""
+
+    def __init__(self) -> None:
+        self._arrays: dict[str, np.ndarray] = {}
+
+    def array(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
+        """An uninitialised float32 array, C-contiguous; the one of the same name from before is overwritten."""
+        size = math.prod(shape)
+        if name not in self._arrays or self._arrays[name].size < size:
+            self._arrays[name] = np.empty(size, np.float32)
+        return self._arrays[name][:size].reshape(shape)
 
 
 def _pass_doubled_faces(
@@ -317,9 +354,9 @@ def _pass_doubled_faces(
     Faces that touch with opposite normals are in contact and do occlude.
     """
     offset = scene.cells.offset[cells]
-    near = hits.distance.reshape(-1, n) < (COPLANAR_OFFSETS * offset)[:, None]
-    if not near.any():
+    if hits.distance.min() >= COPLANAR_OFFSETS * offset.max():
         return
+    near = hits.distance.reshape(-1, n) < (COPLANAR_OFFSETS * offset)[:, None]
     rays = np.flatnonzero(near.ravel() & (hits.triangle >= 0))
     for _ in range(MAX_DOUBLES):
         normal, other = scene.cells.frames[cells[rays // n], 2, 3:], hits.normal[rays]

@@ -85,7 +85,10 @@ class Normalisation:
             When the points have no extent.
         """
         low, high = bounding_box(points)
-        half_diagonal = 0.5 * float(np.linalg.norm(high - low))
+        with np.errstate(over="ignore"):
+            half_diagonal = 0.5 * float(np.linalg.norm(high - low))
+        if half_diagonal == np.inf:
+            raise GeometryError("the faces to bake span more than numbers can tell: a vertex is far astray")
         if not half_diagonal > 0.0:
             raise GeometryError("the faces to bake have no extent: all their vertices coincide, or none is finite")
         return cls(0.5 * (low + high), half_diagonal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .settings import MIN_RAYS_PER_PATCH, BakeSettings
+from .settings import MAX_RAYS_PER_PATCH, MIN_RAYS_PER_PATCH, BakeSettings
 
 
 def allocate_rays(area: np.ndarray, settings: BakeSettings) -> np.ndarray:
@@ -15,8 +15,9 @@ def allocate_rays(area: np.ndarray, settings: BakeSettings) -> np.ndarray:
     area : ndarray, (p,) float64
         Areas of the patches in any unit.
     settings : BakeSettings
-        With `ray_budget`, rays go by area (the 2003 paper's way), rounded to powers of two, at least
-        `MIN_RAYS_PER_PATCH` each; the sum stays within the budget wherever that floor allows. Without, all get `rays`.
+        With `ray_budget`, rays go by area (the 2003 paper's way), rounded to powers of two, from
+        `MIN_RAYS_PER_PATCH` to `MAX_RAYS_PER_PATCH` each; the sum stays within the budget wherever that floor allows.
+        Without, all get `rays`.
 
     Returns
     -------
@@ -36,7 +37,7 @@ def allocate_rays(area: np.ndarray, settings: BakeSettings) -> np.ndarray:
 
 
 def _powers_of_two(ideal: np.ndarray) -> np.ndarray:
-    exponent = np.floor(np.log2(np.maximum(ideal, MIN_RAYS_PER_PATCH)))
+    exponent = np.floor(np.log2(np.clip(ideal, MIN_RAYS_PER_PATCH, MAX_RAYS_PER_PATCH)))
     return 2 ** exponent.astype(np.int64)
 
 

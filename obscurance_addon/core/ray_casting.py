@@ -64,7 +64,7 @@ class BruteForceIntersector:
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray) -> None:
         self._corner, second, third = np.asarray(vertices, np.float64)[triangles].transpose(1, 0, 2)
         self._edge1, self._edge2 = second - self._corner, third - self._corner
-        self._normal = np.cross(self._edge1, self._edge2)
+        self._normal = np.append(np.cross(self._edge1, self._edge2), np.zeros((1, 3)), axis=0)  # the last for MISS
 
     def intersect(self, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> Hits:
         distance = limits.astype(np.float64)

@@ -1,0 +1,39 @@
+"""The core stands on numpy and embreex alone."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from obscurance_addon import core
+
+MODULES = sorted(path.stem for path in Path(core.__file__).parent.glob("*.py") if path.stem != "__init__")
+CHECK = """
+import sys
+for name in ("bpy", "mathutils", "bmesh", "bpy_extras", "scipy", "embreex", "xatlas"):
+    sys.modules[name] = None
+import importlib
+importlib.import_module("obscurance_addon.core." + sys.argv[1])
+"""
+
+
+def test_the_list_of_modules_is_not_empty():
+    assert {"bake", "obscurance", "embree", "solids"} <= set(MODULES)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_module_imports_without_blender_and_native_libraries(module):
+    """embreex and xatlas load only when they are first used, so that their absence can be reported."""
+    root = Path(core.__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", CHECK, module], cwd=root, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_missing_ray_tracer_is_named(monkeypatch):
+    from obscurance_addon.core.embree import EmbreeIntersector
+    from obscurance_addon.core.errors import BackendError
+
+    monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
+    with pytest.raises(BackendError, match="embreex"):
+        EmbreeIntersector([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])

@@ -9,10 +9,12 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import math
 import os
 import shutil
 import sys
 import time
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -111,8 +113,10 @@ def _bake_file(scene: Path, options: argparse.Namespace) -> dict:
     say = _Terminal(scene, options.quiet)
     try:
         entry = _open_bake_save(scene, output, options, say)
-    except (ObscuranceError, OSError, RuntimeError) as error:
+    except Exception as error:
         say.end()
+        if not isinstance(error, (ObscuranceError, OSError, RuntimeError, MemoryError)):
+            traceback.print_exc()  # a bug, which the message alone would not let anybody find
         _complain(f"{scene}: {_plain(error)}")
         return {"scene": str(scene), "error": _plain(error)}
     for warning in entry["warnings"]:
@@ -142,7 +146,8 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
     guard.restore(context)
     baked = time.perf_counter()
     with _written_whole(output) as part:
-        compress = scene.read_bytes()[:7] != b"BLENDER"
+        with scene.open("rb") as source:
+            compress = source.read(7) != b"BLENDER"
         bpy.ops.wm.save_as_mainfile(filepath=str(part), copy=True, compress=compress, check_existing=False)
     say.end()
     say.line(f"{scene} -> {output}: {report.summary()}")
@@ -150,7 +155,7 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
     return {
         "scene": str(scene),
         "output": str(output),
-        "settings": {**dataclasses.asdict(settings), **dataclasses.asdict(target), "distance": report.d_max},
+        "settings": {**dataclasses.asdict(settings), **dataclasses.asdict(target), "distance": _finite(report.d_max)},
         "objects": report.objects,
         "patches": report.patches,
         "triangles": report.triangles,
@@ -162,6 +167,11 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
         "peak_memory_bytes": _peak_memory(),
         "warnings": report.warnings,
     }
+
+
+def _finite(distance: float) -> float | str:
+    """The distance as JSON can hold it, which knows no infinity: then as the command line takes it."""
+    return distance if math.isfinite(distance) else "inf"
 
 
 def _objects(context, names: list[str] | None) -> list:
@@ -251,8 +261,8 @@ def _complain(text: str) -> None:
 
 
 def _plain(error: Exception) -> str:
-    """The message of an error on one line, without Blender's prefix."""
-    return " ".join(str(error).replace("Error: ", "", 1).split())
+    """The message of an error on one line, without Blender's prefix; its type where it has no message."""
+    return " ".join(str(error).replace("Error: ", "", 1).split()) or type(error).__name__
 
 
 def _blender_version() -> str:

@@ -25,6 +25,7 @@ from obscurance_addon import batch  # noqa: E402
 
 SCENE = ROOT / "sample_blends" / "cornell_box.blend"
 RAYS = 256
+DISTANCE = "0.25"  # metres: just under half the box, so that the walls tint each other visibly
 SIZE = 480
 PIXEL_SAMPLES = 16  # smooths edges only: an emission shader has no noise
 
@@ -43,7 +44,7 @@ def main(output_dir: Path) -> None:
 
 
 def _baked(output: Path, *options: str) -> Path:
-    if batch.main(["bake", str(SCENE), "--output", str(output), "--rays", str(RAYS), *options]) != batch.DONE:
+    if batch.main(["bake", str(SCENE), "--output", str(output), "--rays", str(RAYS), "--distance", DISTANCE, *options]) != batch.DONE:
         raise SystemExit(1)
     return output
 

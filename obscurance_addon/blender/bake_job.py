@@ -246,6 +246,9 @@ def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[
     if others:
         warnings.append(f"not a mesh, so nothing was baked onto: {', '.join(map(repr, others))}")
     meshes = [ob for ob in objects if ob.type == "MESH"]
+    edited = [ob.name for ob in meshes if ob.data.is_editmode]
+    if edited:
+        raise ObscuranceError(f"in Edit Mode, where a mesh cannot be read: {', '.join(map(repr, edited))}; leave it")
     linked = [ob.name for ob in meshes if not _keeps_what_is_written(ob.data)]
     if linked:
         warnings.append(

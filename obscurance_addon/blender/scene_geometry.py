@@ -214,7 +214,8 @@ class _Reader:
             ob.session_uid for ob in context.view_layer.objects if ob.visible_get(view_layer=context.view_layer)
         }
         self._notes = notes
-        self._meshes: dict[int, tuple[MeshArrays, bpy.types.Mesh]] = {}
+        self._members: dict[int, set[int]] = {}
+        self._meshes: dict[int, MeshArrays] = {}
         self._surfaces: dict[tuple, SurfaceArrays] = {}
         self._materials: dict[int, Shading] = {}
         self._images = ImageCache()
@@ -235,11 +236,15 @@ class _Reader:
         shadings = [self._shading(slot.material) for slot in ob.material_slots]
         shadings.append(self._shading(None))
         key = ob.data.as_pointer()
-        if key not in self._meshes:
-            self._meshes[key] = read_mesh(ob.data)
         surface_key = (key, *map(id, shadings))
         if surface_key not in self._surfaces:
-            self._surfaces[surface_key] = read_surface(ob.data, shadings)
+            mesh = ob.to_mesh()  # not ob.data, which lacks the last subdivision where the graphics card makes it
+            if key not in self._meshes:
+                self._meshes[key] = read_mesh(mesh)
+            else:
+                mesh.calc_loop_triangles()
+            self._surfaces[surface_key] = read_surface(mesh, shadings)
+            ob.to_mesh_clear()
         matrix = np.array(instance.matrix_world, np.float64)
         return ObjectSnapshot(ob.name, self._meshes[key], matrix, shadings, self._surfaces[surface_key])
 
@@ -253,7 +258,18 @@ class _Reader:
         """Whether an object, or its instance by an owner, shows up in renders."""
         if ob.hide_render or owner.hide_render or owner.original.session_uid not in self._rendered:
             return False
-        return is_instance or not ob.is_instancer or ob.show_instancer_for_render
+        if is_instance:
+            return ob.original.session_uid not in self._hidden_members(owner.original.instance_collection)
+        return not ob.is_instancer or ob.show_instancer_for_render
+
+    def _hidden_members(self, collection: bpy.types.Collection | None) -> set[int]:
+        """Session uids of objects that an instance of a collection shows in the viewport, but not in renders."""
+        if collection is None:
+            return set()
+        uid = collection.session_uid
+        if uid not in self._members:
+            self._members[uid] = {ob.session_uid for ob in collection.all_objects} - _rendered_members(collection)
+        return self._members[uid]
 
     def note_hidden(self) -> None:
         """Name what does not count although a user may expect it to."""
@@ -279,10 +295,17 @@ def _names(names: Iterable[str], most: int = 12) -> str:
 
 def _rendered_objects(layer_collection: bpy.types.LayerCollection) -> set[int]:
     """Session uids of objects in collections that are neither excluded nor disabled in renders."""
-    if layer_collection.exclude or layer_collection.collection.hide_render:
+    if layer_collection.collection.hide_render:
         return set()
-    uids = {ob.session_uid for ob in layer_collection.collection.objects}
-    return uids.union(*map(_rendered_objects, layer_collection.children))
+    # A collection can be taken in again below one that is excluded.
+    own = () if layer_collection.exclude else layer_collection.collection.objects
+    return {ob.session_uid for ob in own}.union(*map(_rendered_objects, layer_collection.children))
+
+
+def _rendered_members(collection: bpy.types.Collection) -> set[int]:
+    """Session uids of objects that an instance of a collection shows in renders."""
+    uids = {ob.session_uid for ob in collection.objects}
+    return uids.union(*(_rendered_members(child) for child in collection.children if not child.hide_render))
 
 
 @contextmanager

@@ -12,12 +12,13 @@ import numpy as np
 
 from .embree import EmbreeIntersector
 from .errors import GeometryError
-from .obscurance import BLOCK_RAYS, ObscuranceSums, TracedScene, gather_obscurances, prepare_scene
-from .patches import Normalisation, Patches, Surfaces, bounding_box, triangle_areas, usable_triangles
+from .obscurance import BLOCK_RAYS, ObscuranceSums, gather_obscurances
+from .patches import Normalisation, Patches, Surfaces, bounding_box, slices, triangle_areas, usable_triangles
 from .ray_allocation import allocate_rays
 from .ray_casting import Intersector
 from .settings import BakeSettings
 from .sobol import hash32
+from .traced_scene import TracedScene, prepare_scene
 
 # The error is measured on a sample of the patches, baked once more with independent points: all of a small scene,
 # one in 32 of a large one, where 1,000 pairs already fix the RMSE to a few percent.
@@ -133,9 +134,7 @@ def bake_obscurances(
     if not len(patches):
         raise GeometryError("there is no face to bake")
     began = time.perf_counter()
-    normalisation = Normalisation.of(patches.corners)
-    d_max = settings.max_distance(scene_diagonal(surfaces))
-    scene = _build(surfaces, patches, settings, normalisation, d_max, monitor, intersector)
+    scene, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector)
     built = time.perf_counter()
 
     sample = _error_sample(patches.ids)
@@ -195,7 +194,10 @@ def mean_reflectance(
     -------
     ndarray, (3,) float64
     """
-    area = triangle_areas(surfaces.vertices[surfaces.triangles])
+    triangles = surfaces.triangles
+    area = np.empty(len(triangles))
+    for part in slices(len(triangles)):
+        area[part] = triangle_areas(surfaces.vertices[triangles[part]])
     area[~np.isfinite(area)] = 0.0
     total, weighted = area.sum(), area @ surfaces.reflectance.astype(np.float64)
     if patch_reflectance is not None:
@@ -242,19 +244,30 @@ def fill_invalid(
         known[ring] = True
 
 
-def _build(
+def build_scene(
     surfaces: Surfaces,
     patches: Patches,
     settings: BakeSettings,
-    normalisation: Normalisation,
-    d_max: float,
-    monitor: Monitor,
-    intersector: Callable[..., Intersector],
-) -> TracedScene:
-    """Keep what rays can reach and float32 can trace, and build the ray tracer over it."""
+    monitor: Monitor | None = None,
+    intersector: Callable[..., Intersector] = EmbreeIntersector,
+) -> tuple[TracedScene, Normalisation, float]:
+    """Keep what rays can reach and float32 can trace, and build the ray tracer over it.
+
+    Parameters as for `bake_obscurances`.
+
+    Returns
+    -------
+    scene : TracedScene
+    normalisation : Normalisation
+    d_max : float
+        Metres.
+    """
+    monitor = monitor or Monitor()
+    normalisation = Normalisation.of(patches.corners)
+    d_max = settings.max_distance(scene_diagonal(surfaces))
     kept = _triangles_in_reach(surfaces, patches, d_max)
     vertices = normalisation.apply(surfaces.vertices)
-    kept = kept[usable_triangles(vertices[surfaces.triangles[kept]])]
+    kept = kept[usable_triangles(vertices, surfaces.triangles[kept])]
     reached = Surfaces(vertices, surfaces.triangles[kept], surfaces.reflectance[kept], surfaces.solid[kept])
     monitor.phase("build", len(kept))
     done = 0
@@ -266,19 +279,23 @@ def _build(
 
     finite = np.nan_to_num(vertices, nan=0.0, posinf=0.0, neginf=0.0)  # no triangle that is kept has the others
     tracer = intersector(finite, reached.triangles, progress)
-    return prepare_scene(reached, patches, normalisation, tracer, settings, d_max)
+    return prepare_scene(reached, patches, normalisation, tracer, settings, d_max), normalisation, d_max
 
 
 def _triangles_in_reach(surfaces: Surfaces, patches: Patches, d_max: float) -> np.ndarray:
     """Indices of the triangles of objects whose bounding box comes within d_max of the patches.
 
-    Whole objects stay, so that the inside of a solid that is larger than d_max can still be told.
+    Whole objects stay, so that the inside of a solid that is larger than d_max can still be told. Vertices of an object
+    stand together, so the range of their indices is enough to find its box.
     """
     low, high = bounding_box(patches.corners)
     starts = np.r_[surfaces.object_starts, len(surfaces.triangles)]
     in_reach = np.zeros(len(surfaces.triangles), bool)
     for first, end in itertools.pairwise(starts):
-        object_low, object_high = bounding_box(surfaces.vertices[surfaces.triangles[first:end]])
+        used = surfaces.triangles[first:end]
+        if not len(used):
+            continue
+        object_low, object_high = bounding_box(surfaces.vertices[used.min() : used.max() + 1])
         in_reach[first:end] = (object_low <= high + d_max).all() and (object_high >= low - d_max).all()
     return np.flatnonzero(in_reach)
 

@@ -14,21 +14,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .falloff import Falloff, apply_falloff
-from .patches import Cells, Normalisation, Patches, Surfaces, prepare_cells
+from .falloff import apply_falloff
+from .first_hits import pass_doubled_faces, starts_inside
 from .ray_allocation import allocate_rays, split_rays
-from .ray_casting import Hits, Intersector
 from .sampling import SCRAMBLES, ray_table
 from .settings import BakeSettings, Sampler
 from .sobol import hash32
+from .traced_scene import FAR, TracedScene
 
 BLOCK_RAYS = 16384  # per task: larger blocks fall out of the cache, smaller ones pay Python's overhead
 TABLE_ROWS = 1024  # rays of a sequence held at a time, so that memory does not grow with the number of rays
-FAR = np.float32(1e30)  # stands for an infinite ray length, so that 0 x length stays 0
-NEAR = np.float32(1e-30)  # the shortest ray length, so that length / length stays 1
-SAME_DIRECTION = 0.999  # cosine above which two touching faces count as doubles of each other
-COPLANAR_OFFSETS = 4.0  # hits within this many ray offsets are looked at for doubled faces
-MAX_DOUBLES = 8  # stacked doubled faces that a ray passes
 
 _MISS, _DROPPED = 4, 5  # columns of the cell sums behind rho R_red, rho R_green, rho R_blue, rho
 
@@ -67,64 +62,6 @@ class ObscuranceSums:
         with np.errstate(invalid="ignore", divide="ignore"):
             # In this order a patch whose rays all miss is R_ave to the last bit.
             return self.hit[:, :3] / self.valid[:, None] + (self.miss / self.valid)[:, None] * r_ave
-
-
-@dataclass(frozen=True)
-class TracedScene:
-    """A scene made ready for casting: shared by the main bake, its error estimate, and every thread."""
-
-    cells: Cells
-    intersector: Intersector
-    palette: np.ndarray | None  # (t + 1, 4) float32: reflectance and 1, row 0 for misses; None without bleeding
-    solid: np.ndarray | None  # (t + 1,) bool, entry 0 for misses; None when the scene has no solid
-    limit: np.float32  # d_max in normalised units
-    scale: np.float32  # 1 / limit, 0 for an infinite d_max
-    falloff: Falloff
-
-    @property
-    def needs_only_occlusion(self) -> bool:
-        """STEP asks only whether something was hit, unless the inside of a solid must be told from its outside."""
-        return self.falloff is Falloff.STEP and self.solid is None
-
-
-def prepare_scene(
-    surfaces: Surfaces,
-    patches: Patches,
-    normalisation: Normalisation,
-    intersector: Intersector,
-    settings: BakeSettings,
-    d_max: float,
-) -> TracedScene:
-    """Build the look-up tables of a scene.
-
-    Parameters
-    ----------
-    surfaces : Surfaces
-        The triangles in the order in which `intersector` numbers them.
-    patches : Patches
-    normalisation : Normalisation
-        The one with which `intersector` was built.
-    intersector : Intersector
-    settings : BakeSettings
-    d_max : float
-        Reach of the rays in metres, above 0, may be infinite.
-    """
-    palette = None
-    if settings.use_bleeding and settings.falloff is not Falloff.STEP:  # a STEP hit adds nothing, whatever its colour
-        palette = np.zeros((len(surfaces.triangles) + 1, 4), np.float32)
-        palette[1:, :3] = surfaces.reflectance
-        palette[1:, 3] = 1.0
-    solid = np.concatenate([[False], surfaces.solid]) if surfaces.solid.any() else None
-    limit = np.float32(np.clip(d_max / normalisation.scale, NEAR, FAR))
-    return TracedScene(
-        prepare_cells(patches, normalisation),
-        intersector,
-        palette,
-        solid,
-        limit,
-        np.float32(0.0) if limit == FAR else np.float32(1.0) / limit,
-        settings.falloff,
-    )
 
 
 def gather_obscurances(
@@ -243,10 +180,10 @@ class _Caster:
             self.progress(len(origins))
             return
         hits = scene.intersector.intersect(origins, directions, limits)
-        _pass_doubled_faces(scene, cells, n, origins, directions, limit, hits)
+        pass_doubled_faces(scene, cells, n, origins, directions, limit, hits)
         dropped = None
         if scene.solid is not None:
-            dropped = _starts_inside(scene, directions, hits)
+            dropped = starts_inside(scene, directions, hits)
             if unbounded:
                 hits.triangle[(hits.distance >= scene.limit) & ~dropped] = -1
                 np.minimum(hits.distance, scene.limit, out=hits.distance)
@@ -314,7 +251,7 @@ class _Caster:
         origins, directions = self._make_rays(cells, table, row, 1)
         hits = self.scene.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
         self.rays += len(origins)
-        return _starts_inside(self.scene, directions, hits)
+        return starts_inside(self.scene, directions, hits)
 
     def patch_sums(self, n_patches: int) -> ObscuranceSums:
         """Cells weighed by area into patches."""
@@ -338,44 +275,3 @@ class _Scratch(threading.local):
         if name not in self._arrays or self._arrays[name].size < size:
             self._arrays[name] = np.empty(size, np.float32)
         return self._arrays[name][:size].reshape(shape)
-
-
-def _pass_doubled_faces(
-    scene: TracedScene,
-    cells: np.ndarray,
-    n: int,
-    origins: np.ndarray,
-    directions: np.ndarray,
-    limit: np.float32,
-    hits: Hits,
-) -> None:
-    """Let rays through faces that double the one they leave (decals, duplicates), by tracing on from behind them.
-
-    Faces that touch with opposite normals are in contact and do occlude.
-    """
-    offset = scene.cells.offset[cells]
-    if hits.distance.min() >= COPLANAR_OFFSETS * offset.max():
-        return
-    near = hits.distance.reshape(-1, n) < (COPLANAR_OFFSETS * offset)[:, None]
-    rays = np.flatnonzero(near.ravel() & (hits.triangle >= 0))
-    for _ in range(MAX_DOUBLES):
-        normal, other = scene.cells.frames[cells[rays // n], 2, 3:], hits.normal[rays]
-        cosine = np.einsum("ij,ij->i", normal, other)
-        rays = rays[cosine > SAME_DIRECTION * np.sqrt(np.einsum("ij,ij->i", other, other))]
-        if not len(rays):
-            return
-        step = hits.distance[rays] + offset[rays // n]
-        onward = origins[rays] + step[:, None] * directions[rays]
-        beyond = scene.intersector.intersect(onward, directions[rays], np.maximum(limit - step, 0.0))
-        hits.distance[rays], hits.triangle[rays] = beyond.distance + step, beyond.triangle
-        hits.normal[rays] = beyond.normal
-        rays = rays[(hits.triangle[rays] >= 0) & (hits.distance[rays] < COPLANAR_OFFSETS * offset[rays // n])]
-
-
-def _starts_inside(scene: TracedScene, directions: np.ndarray, hits: Hits) -> np.ndarray:
-    """(n,) bool: rays whose first hit is the inside of a solid, which therefore start inside of it."""
-    with np.errstate(all="ignore"):  # normals of misses hold anything
-        along = directions * hits.normal
-        inside = along[:, 0] + along[:, 1] + along[:, 2] > 0.0
-    inside &= np.take(scene.solid, hits.triangle + 1, mode="clip")
-    return inside

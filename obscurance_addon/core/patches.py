@@ -7,11 +7,13 @@ planar or not, are sampled where they really are.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from .errors import GeometryError
+from .sampling import orthonormal_frames
 
 # Rays start this fraction of the largest coordinate of their cell above it, in coordinates centred on the scene: a
 # hundred times the rounding error of float32 positions. docs/theory.md, "Numerical hazards", has the measurements.
@@ -20,6 +22,8 @@ OFFSET = 1e-5
 # coordinate are rounding noise.
 MIN_SLENDERNESS = 1e-6
 MIN_EDGE = 1e-7
+
+_SLICE = 1 << 14
 
 
 @dataclass(frozen=True)
@@ -100,42 +104,76 @@ class Normalisation:
 
 def bounding_box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest corner, each (3,) float64, over the finite ones of the points (..., 3); zero without any."""
-    points = points.reshape(-1, 3)
-    low, high = points.min(0, initial=np.inf), points.max(0, initial=-np.inf)
+    columns = points.reshape(-1, 3).T
+    low, high = (np.array([f(c, initial=start) for c in columns]) for f, start in ((np.min, np.inf), (np.max, -np.inf)))
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
-        points = points[np.isfinite(points).all(1)]
-        if not len(points):
+        columns = columns[:, np.isfinite(columns).all(0)]
+        if not columns.size:
             return np.zeros(3), np.zeros(3)
-        low, high = points.min(0), points.max(0)
+        low, high = columns.min(1), columns.max(1)
     return low.astype(np.float64), high.astype(np.float64)
 
 
 def triangle_areas(corners: np.ndarray) -> np.ndarray:
-    """Areas (n,) of triangles (n, 3, 3) in the square of their unit; not finite where a corner is not."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return 0.5 * np.sqrt(np.einsum("ij,ij->i", normal, normal))
+    """Areas (t,) float64 of triangles with corners (t, 3, 3); not finite where a corner is not."""
+    area = np.empty(len(corners))
+    for part in slices(len(corners)):
+        area[part] = 0.5 * _Shape.of(corners[part]).double_area
+    return area
 
 
-def usable_triangles(corners: np.ndarray) -> np.ndarray:
+def usable_triangles(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Which triangles have a normal that float32 tracing can rely on.
 
     Parameters
     ----------
-    corners : ndarray, (n, 3, 3) float64
+    vertices : ndarray, (v, 3) float64
         In normalised coordinates.
+    triangles : ndarray, (t, 3) int
 
     Returns
     -------
-    ndarray, (n,) bool
+    ndarray, (t,) bool
         False for triangles with a corner that is not finite, of no area, or slimmer than rounding allows.
     """
-    with np.errstate(invalid="ignore", over="ignore"):
-        edges = corners - np.roll(corners, 1, axis=1)
-        longest = np.sqrt(np.einsum("nij,nij->ni", edges, edges).max(1))
-        height = 2.0 * triangle_areas(corners) / np.where(longest > 0.0, longest, 1.0)
-        extent = np.abs(corners).max((1, 2))
-        return (height > MIN_SLENDERNESS * longest) & (longest > MIN_EDGE * extent) & np.isfinite(extent)
+    usable = np.empty(len(triangles), bool)
+    for part in slices(len(triangles)):
+        usable[part] = _Shape.of(vertices[triangles[part]]).usable()
+    return usable
+
+
+def slices(n: int) -> Iterator[slice]:
+    """Parts of n triangles that stay in the cache."""
+    return (slice(at, at + _SLICE) for at in range(0, n, _SLICE))
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """Measures of m triangles; axes come first, so that every step runs along contiguous memory."""
+
+    corners: np.ndarray  # (3 corners, 3 axes, m) float64
+    normal: np.ndarray  # (3, m), of length double_area
+    double_area: np.ndarray  # (m,)
+
+    @classmethod
+    def of(cls, corners: np.ndarray) -> _Shape:
+        corners = np.ascontiguousarray(corners.transpose(1, 2, 0), np.float64)
+        with np.errstate(invalid="ignore", over="ignore"):
+            (x1, y1, z1), (x2, y2, z2) = corners[1] - corners[0], corners[2] - corners[0]
+            normal = np.stack([y1 * z2 - z1 * y2, z1 * x2 - x1 * z2, x1 * y2 - y1 * x2])
+            return cls(corners, normal, np.sqrt((normal * normal).sum(0)))
+
+    def extent(self) -> np.ndarray:
+        """Largest coordinate of each, (m,)."""
+        return np.abs(self.corners).max((0, 1))
+
+    def usable(self) -> np.ndarray:
+        with np.errstate(invalid="ignore", over="ignore"):
+            edges = self.corners - np.roll(self.corners, 1, axis=0)
+            longest = np.sqrt((edges * edges).sum(1).max(0))
+            extent = self.extent()
+            tall = self.double_area > MIN_SLENDERNESS * longest * longest
+            return tall & (longest > MIN_EDGE * extent) & np.isfinite(extent)
 
 
 @dataclass(frozen=True)
@@ -164,21 +202,22 @@ class Cells:
 
 def prepare_cells(patches: Patches, normalisation: Normalisation) -> Cells:
     """Drop unusable cells and precompute the frames of the others."""
-    from .sampling import orthonormal_frames
-
-    corners = normalisation.apply(patches.corners)
-    usable = usable_triangles(corners)
-    if not usable.all():
-        corners = corners[usable]
-    patch = np.asarray(patches.patch, np.int64)[usable]
-    edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normal = np.cross(edge1, edge2)
-    double_area = np.sqrt(np.einsum("ij,ij->i", normal, normal))
-    normal /= double_area[:, None]
-    offset = OFFSET * np.abs(corners).max((1, 2))
-    frames = np.empty((len(corners), 3, 6), np.float32)
-    frames[:, 0, :3], frames[:, 1, :3] = edge1, edge2
-    frames[:, 2, :3] = corners[:, 0] + offset[:, None] * normal
-    frames[:, :, 3:] = orthonormal_frames(normal)
-    area = np.bincount(patch, 0.5 * double_area, len(patches))
-    return Cells(frames, offset.astype(np.float32), patch, 0.5 * double_area / area[patch], area)
+    kept, frames, offsets, areas = [], [], [], []
+    for part in slices(len(patches.corners)):
+        shape = _Shape.of(normalisation.apply(patches.corners[part]))
+        usable = shape.usable()
+        corners, double_area = shape.corners[..., usable], shape.double_area[usable]
+        normal = shape.normal[:, usable] / double_area
+        offset = OFFSET * shape.extent()[usable]
+        frame = np.empty((len(offset), 3, 6), np.float32)
+        frame[:, 0, :3], frame[:, 1, :3] = (corners[1] - corners[0]).T, (corners[2] - corners[0]).T
+        frame[:, 2, :3] = (corners[0] + offset * normal).T
+        frame[:, :, 3:] = orthonormal_frames(normal.T)
+        kept.append(usable)
+        frames.append(frame)
+        offsets.append(offset.astype(np.float32))
+        areas.append(0.5 * double_area)
+    patch = np.asarray(patches.patch, np.int64)[np.concatenate(kept)]
+    cell_area = np.concatenate(areas)
+    area = np.bincount(patch, cell_area, len(patches))
+    return Cells(np.concatenate(frames), np.concatenate(offsets), patch, cell_area / area[patch], area)

@@ -91,6 +91,7 @@ def cube(name: str = "Cube", half: float = 1.0, **kw: object) -> bpy.types.Objec
 
 def select(*objects: bpy.types.Object) -> None:
     """Select these objects only; the first one is active."""
+    bpy.context.view_layer.update()
     for ob in bpy.context.view_layer.objects:
         ob.select_set(ob in objects)
     bpy.context.view_layer.objects.active = objects[0] if objects else None

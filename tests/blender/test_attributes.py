@@ -5,7 +5,18 @@ import numpy as np
 import pytest
 
 from obscurance_addon.blender.color_attribute import MAX_NAME_BYTES, AttributeNameError
-from tests.blender.helpers import CORNER_LAYER, FACE_LAYER, bake, colors, cube, file_state, floor, job, notes_about, read
+from tests.blender.helpers import (
+    CORNER_LAYER,
+    FACE_LAYER,
+    bake,
+    colors,
+    cube,
+    file_state,
+    floor,
+    job,
+    notes_about,
+    read,
+)
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -168,7 +179,9 @@ def test_a_uv_map_of_that_name_is_not_touched(name):
 def test_a_vertex_group_of_that_name_is_not_touched(name):
     """The error names the object, the group, and the cure."""
     scene().vertex_groups.new(name=name)
-    refuses("object 'Floor'", f"vertex group named '{name}'", "choose another attribute name", "rename the vertex group")
+    refuses(
+        "object 'Floor'", f"vertex group named '{name}'", "choose another attribute name", "rename the vertex group"
+    )
 
 
 @pytest.mark.parametrize(

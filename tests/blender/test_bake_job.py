@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from obscurance_addon.blender.bake_job import SceneChangedError
-from obscurance_addon.core.errors import BakeCancelledError
+from obscurance_addon.core.errors import BakeCancelledError, ObscuranceError
 from tests.blender.helpers import (
     CORNER_LAYER,
     FACE_LAYER,
@@ -16,7 +16,6 @@ from tests.blender.helpers import (
     colors,
     cube,
     file_state,
-    floor,
     job,
     select,
     sheet,
@@ -55,7 +54,7 @@ def test_steps_lead_to_a_result_and_then_stay_there():
         assert running.remaining is None or running.remaining >= 0.0
     seen.append(running.progress)
     assert seen == sorted(seen)
-    assert 0.0 <= seen[0]
+    assert seen[0] >= 0.0
     assert seen[-1] == 1.0
     assert running.step(0.0)
     assert bake_threads() == []
@@ -220,6 +219,18 @@ def test_results_without_a_place_are_not_written(edit, words, target):
         running.commit()
     for mesh in bpy.data.meshes:
         assert {FACE_LAYER, CORNER_LAYER}.isdisjoint(mesh.attributes.keys())
+
+
+@pytest.mark.parametrize("target", ["FACE", "CORNER"])
+def test_objects_in_edit_mode_are_refused_by_name(target):
+    """A script has to leave it; the operator and the command line do."""
+    ob = corner()
+    ob.modifiers.new("Triangulate", "TRIANGULATE")
+    in_edit_mode(ob)
+    with pytest.raises(ObscuranceError, match="in Edit Mode.*'Floor'"):
+        job(bpy.data.objects["Wall"], ob, target=target)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert not [name for name in ob.data.attributes.keys() if name.startswith("obscurance")]  # noqa: SIM118
 
 
 def renamed(ob):

@@ -41,8 +41,8 @@ def shade(ob, how):
     mesh.update()
 
 
-def smooth_by_angle(ob, angle=np.radians(30.0)):
-    """The modifier as Blender ships it: edges steeper than the angle become sharp."""
+def smooth_by_angle(ob):
+    """The modifier as Blender ships it: edges steeper than 30 degrees become sharp."""
     tree = bpy.data.node_groups.new("Smooth by Angle", "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
@@ -52,7 +52,7 @@ def smooth_by_angle(ob, angle=np.radians(30.0)):
     steep = tree.nodes.new("GeometryNodeInputMeshEdgeAngle")
     compare = tree.nodes.new("FunctionNodeCompare")
     compare.data_type, compare.operation = "FLOAT", "LESS_EQUAL"
-    compare.inputs[1].default_value = angle
+    compare.inputs[1].default_value = np.radians(30.0)
     tree.links.new(source.outputs[0], shading.inputs["Geometry"])
     tree.links.new(steep.outputs[0], compare.inputs[0])
     smooth = next(s for s in shading.inputs if s.name == "Shade Smooth")

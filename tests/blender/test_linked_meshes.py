@@ -53,7 +53,7 @@ def local_object(path):
 
 @pytest.mark.parametrize("make", [linked, overridden, overridden_mesh, local_object])
 def test_linked_meshes_are_named_and_skipped(library, make):
-    """The floor beside it is baked; the warning names the object, the reason and the cure; its mesh has no new layer."""
+    """The floor beside it is baked; the warning names object, reason and cure; its mesh has no new layer."""
     other, ob = make(library), floor()
     names = list(other.data.attributes.keys())
     report = bake(other, ob)

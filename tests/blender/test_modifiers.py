@@ -65,9 +65,7 @@ def nothing(_ob):
 
 
 @pytest.mark.parametrize("target", CORNERED)
-@pytest.mark.parametrize(
-    ("modify", "copies"), [(nothing, 1), (subdivide, 1), (repeat, 3), (mirror, 2), (solidify, 2)]
-)
+@pytest.mark.parametrize(("modify", "copies"), [(nothing, 1), (subdivide, 1), (repeat, 3), (mirror, 2), (solidify, 2)])
 def test_each_element_owns_the_surface_that_came_from_it(modify, copies, target):
     """On a 4 x 2 grid of unlike faces, areas behind faces, corners and vertices are those before times the copies."""
     ob = sheet("Sheet", (0, 0, 0), (4, 0, 0), (0, 6, 0), 4, 2)
@@ -134,7 +132,7 @@ def test_decimated_faces_that_vanish_take_their_neighbours_value(target):
 
 
 def test_a_collapsed_mesh_keeps_its_area():
-    """Decimate (Collapse) to half of the triangles of a flat grid: the rest still covers it, and belongs to its faces."""
+    """Decimate (Collapse) to half of the triangles of a flat grid: the rest still covers it and belongs to it."""
     ob = floor(n=6)
     ob.modifiers.new("Decimate", "DECIMATE").ratio = 0.5
     made = arrays(ob)

@@ -153,7 +153,7 @@ def test_run_cancels_when_its_caller_breaks_off():
     def interrupt(_job):
         raise KeyboardInterrupt
 
-    running = job(ob, other, rays=1 << 14)
+    running = job(ob, other, rays=1 << 20)
     with pytest.raises(KeyboardInterrupt):
         running.run(on_step=interrupt)
     with pytest.raises(BakeCancelledError):

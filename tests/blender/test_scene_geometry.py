@@ -226,7 +226,8 @@ def test_curves_texts_and_metaballs_occlude_once(make):
     evaluated = solid.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = evaluated.to_mesh()
     mesh.calc_loop_triangles()
-    expected = np.array([[mesh.vertices[v].co for v in t.vertices] for t in mesh.loop_triangles]) + [0.0, 0.0, 8.0]
+    expected = np.array([[mesh.vertices[v].co for v in t.vertices] for t in mesh.loop_triangles])
+    expected[..., 2] += 8.0
     evaluated.to_mesh_clear()
     assert len(expected) > 0
     (parts,) = found.values()
@@ -290,6 +291,39 @@ def test_collections_that_do_not_render_do_not_count_and_their_objects_are_named
     taken = snapshot(ob)
     assert [part.name for part in taken.occluders] == ["Ceiling"]
     assert not notes_about(taken.notes, "'Ceiling'")
+
+
+def test_collections_taken_in_below_an_excluded_one_count():
+    """Blender renders them, so their objects occlude, and the outer one's do not."""
+    ob = floor()
+    inner = new_collection("Inner", linked=False)
+    outer = new_collection("Outer")
+    outer.children.link(inner)
+    floor("Ceiling", z=0.1, collection=inner)
+    floor("Out", z=0.2, collection=outer)
+    layer_collection("Outer").exclude = True
+    layer_collection("Outer").children["Inner"].exclude = False
+    taken = snapshot(ob)
+    assert [part.name for part in taken.occluders] == ["Ceiling"]
+    assert notes_about(taken.notes, "hidden from renders", "'Out'")
+    assert not notes_about(taken.notes, "'Ceiling'")
+
+
+def test_what_an_instanced_collection_hides_from_renders_does_not_count():
+    """A collection inside of the one that is instanced may not render; an object that is also in another one does."""
+    ob = floor()
+    assets, off = new_collection("Assets", linked=False), new_collection("Off", linked=False)
+    assets.children.link(off)
+    off.hide_render = True
+    cube("Hidden", collection=off)
+    both = cube("Both", collection=off)
+    assets.objects.link(both)
+    empty = bpy.data.objects.new("Instance", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", assets
+    bpy.context.scene.collection.objects.link(empty)
+    taken = snapshot(ob)
+    assert [part.name for part in taken.occluders] == ["Both"]
+    assert notes_about(taken.notes, "hidden from renders", "'Hidden'")
 
 
 def test_instances_by_a_hidden_object_do_not_count():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from obscurance_addon.core.corner_cells import corner_cells, face_of_corner, next_corner, smooth_fans
-from obscurance_addon.core.patches import triangle_areas
 
 SQUARE = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0)]
 L_SHAPE = [(0, 0, 0), (3, 0, 0), (3, 1, 0), (1, 1, 0), (1, 3, 0), (0, 3, 0)]
@@ -14,6 +13,12 @@ L_TRIANGLES = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]
 COMB = [(0, 0, 0), (5, 0, 0), (5, 3, 0), (4, 3, 0), (4, 1, 0), (1, 1, 0), (1, 3, 0), (0, 3, 0)]
 COMB_TRIANGLES = [(0, 1, 4), (1, 2, 3), (1, 3, 4), (0, 4, 5), (0, 5, 6), (0, 6, 7)]
 BENT = [(0, 0, 0), (2, 0, 0), (2, 2, 1), (0, 2, 0)]
+
+
+def triangle_areas(triangles):
+    """(n,) areas of triangles (n, 3, 3)."""
+    edges = triangles[:, 1:] - triangles[:, :1]
+    return 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
 
 
 def cut(points, triangles=None):

@@ -1,0 +1,53 @@
+"""First hits that do not mean what they seem: doubled faces, and the inside of solids."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .ray_casting import Hits
+from .traced_scene import TracedScene
+
+SAME_DIRECTION = 0.999  # cosine above which two touching faces count as doubles of each other
+COPLANAR_OFFSETS = 4.0  # hits within this many ray offsets are looked at for doubled faces
+MAX_DOUBLES = 8  # stacked doubled faces that a ray passes
+
+
+def pass_doubled_faces(
+    scene: TracedScene,
+    cells: np.ndarray,
+    n: int,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    limit: np.float32,
+    hits: Hits,
+) -> None:
+    """Let rays through faces that double the one they leave (decals, duplicates), by tracing on from behind them.
+
+    Faces that touch with opposite normals are in contact and do occlude.
+    """
+    offset = scene.cells.offset[cells]
+    if hits.distance.min() >= COPLANAR_OFFSETS * offset.max():
+        return
+    near = hits.distance.reshape(-1, n) < (COPLANAR_OFFSETS * offset)[:, None]
+    rays = np.flatnonzero(near.ravel() & (hits.triangle >= 0))
+    for _ in range(MAX_DOUBLES):
+        normal, other = scene.cells.frames[cells[rays // n], 2, 3:], hits.normal[rays]
+        cosine = np.einsum("ij,ij->i", normal, other)
+        rays = rays[cosine > SAME_DIRECTION * np.sqrt(np.einsum("ij,ij->i", other, other))]
+        if not len(rays):
+            return
+        step = hits.distance[rays] + offset[rays // n]
+        onward = origins[rays] + step[:, None] * directions[rays]
+        beyond = scene.intersector.intersect(onward, directions[rays], np.maximum(limit - step, 0.0))
+        hits.distance[rays], hits.triangle[rays] = beyond.distance + step, beyond.triangle
+        hits.normal[rays] = beyond.normal
+        rays = rays[(hits.triangle[rays] >= 0) & (hits.distance[rays] < COPLANAR_OFFSETS * offset[rays // n])]
+
+
+def starts_inside(scene: TracedScene, directions: np.ndarray, hits: Hits) -> np.ndarray:
+    """(n,) bool: rays whose first hit is the inside of a solid, which therefore start inside of it."""
+    with np.errstate(all="ignore"):  # normals of misses hold anything
+        along = directions * hits.normal
+        inside = along[:, 0] + along[:, 1] + along[:, 2] > 0.0
+    inside &= np.take(scene.solid, hits.triangle + 1, mode="clip")
+    return inside

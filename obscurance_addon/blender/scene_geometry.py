@@ -259,12 +259,13 @@ class _Reader:
         if ob.hide_render or owner.hide_render or owner.original.session_uid not in self._rendered:
             return False
         if is_instance:
-            return ob.original.session_uid not in self._hidden_members(owner.original.instance_collection)
+            return ob.original.session_uid not in self._hidden_members(owner.original)
         return not ob.is_instancer or ob.show_instancer_for_render
 
-    def _hidden_members(self, collection: bpy.types.Collection | None) -> set[int]:
+    def _hidden_members(self, owner: bpy.types.Object) -> set[int]:
         """Session uids of objects that an instance of a collection shows in the viewport, but not in renders."""
-        if collection is None:
+        collection = owner.instance_collection
+        if owner.instance_type != "COLLECTION" or collection is None:
             return set()
         uid = collection.session_uid
         if uid not in self._members:

@@ -41,8 +41,14 @@ class EmbreeIntersector:
         scene_type, mesh_type = _load_embreex()
         self.embreex_scene = scene_type(robust=True)
         vertices = np.ascontiguousarray(vertices, np.float32)
+        used, index = np.zeros(len(vertices), bool), np.empty(len(vertices), np.int32)
         for first in range(0, len(triangles), _SLICE):
-            mesh_type(self.embreex_scene, vertices[triangles[first : first + _SLICE]])
+            part = triangles[first : first + _SLICE]
+            used[:] = False
+            used[part] = True
+            kept = np.flatnonzero(used)
+            index[kept] = np.arange(len(kept), dtype=np.int32)
+            mesh_type(self.embreex_scene, vertices[kept], index[part])
             if progress is not None:
                 progress(min(first + _SLICE, len(triangles)))
         # The first query commits the scene (builds the hierarchy); that must happen before threads share it.

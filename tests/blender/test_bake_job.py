@@ -227,7 +227,7 @@ def test_objects_in_edit_mode_are_refused_by_name(target):
     ob = corner()
     ob.modifiers.new("Triangulate", "TRIANGULATE")
     in_edit_mode(ob)
-    with pytest.raises(ObscuranceError, match="in Edit Mode.*'Floor'"):
+    with pytest.raises(ObscuranceError, match=r"in Edit Mode.*'Floor'"):
         job(bpy.data.objects["Wall"], ob, target=target)
     bpy.ops.object.mode_set(mode="OBJECT")
     assert not [name for name in ob.data.attributes.keys() if name.startswith("obscurance")]  # noqa: SIM118

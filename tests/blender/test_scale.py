@@ -85,8 +85,8 @@ def test_the_estimated_error_is_on_the_scale_that_is_written():
 
 
 def test_faces_inside_of_solids_take_no_part_in_the_mean():
-    """A black floor tile wholly inside of a white box does not darken R_ave, and its value is no obscurance of 0."""
-    ob = floor(color=(0.0, 0.0, 0.0))
+    """A dark floor tile wholly inside of a white box does not darken R_ave, and its value is no obscurance of 0."""
+    ob = floor(color=(0.1, 0.3, 0.05))
     ob.scale = (0.2, 0.2, 1.0)
     box = cube("Box", color=WHITE)
     report = bake(ob, box)

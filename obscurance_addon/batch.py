@@ -176,7 +176,7 @@ def _finite(distance: float) -> float | str:
 
 def _objects(context, names: list[str] | None) -> list:
     """The objects named, or all that render."""
-    from .blender.scene_geometry import rendered_meshes
+    from .blender.render_visibility import rendered_meshes
 
     if names is None:
         return rendered_meshes(context)

@@ -44,7 +44,10 @@ def main(output_dir: Path) -> None:
 
 
 def _baked(output: Path, *options: str) -> Path:
-    if batch.main(["bake", str(SCENE), "--output", str(output), "--rays", str(RAYS), "--distance", DISTANCE, *options]) != batch.DONE:
+    if (
+        batch.main(["bake", str(SCENE), "--output", str(output), "--rays", str(RAYS), "--distance", DISTANCE, *options])
+        != batch.DONE
+    ):
         raise SystemExit(1)
     return output
 

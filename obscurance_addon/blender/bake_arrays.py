@@ -13,8 +13,9 @@ from ..core.patches import Patches, Surfaces, triangle_areas
 from ..core.sobol import hash32
 from ..core.solids import solid_triangles
 from .materials import shade_faces
+from .mesh_arrays import MeshArrays
 from .output_settings import Target
-from .scene_geometry import BakedObject, MeshArrays, ObjectSnapshot, SceneSnapshot
+from .scene_geometry import BakedObject, ObjectSnapshot, SceneSnapshot
 
 MAX_TRIANGLES = 60_000_000  # about 12 GiB in the ray tracer; instances count each time
 

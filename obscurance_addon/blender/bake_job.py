@@ -17,19 +17,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import bpy
-import numpy as np
 
 from ..core.bake import Monitor, Obscurances, bake_obscurances
 from ..core.errors import BakeCancelledError, ObscuranceError
 from ..core.settings import BakeSettings
 from . import color_attribute
 from .bake_arrays import BakeArrays, prepare_arrays
-from .output_settings import OutputSettings, Scale, SharedMeshes, Target
-from .scene_geometry import BakedObject, same_faces, snapshot_scene
-
-
-class SceneChangedError(ObscuranceError):
-    """The scene was edited while the bake ran, so that its result has no place any more."""
+from .output_settings import OutputSettings, Scale, Target
+from .result_writer import write_values
+from .scene_geometry import snapshot_scene
 
 
 @dataclass(frozen=True)
@@ -165,10 +161,11 @@ class BakeJob:
         """Estimated seconds left, None while there is nothing to estimate from."""
         return self._monitor.remaining
 
-    def cancel(self) -> None:
-        """Stop computing and wait for the threads to end; nothing has been written. Does no harm when done."""
+    def cancel(self, wait: bool = True) -> None:
+        """Stop computing; nothing has been written. Waits for the threads to end, unless told not to."""
         self._monitor.cancelled.set()
-        self._thread.join()
+        if wait:
+            self._thread.join()
 
     def commit(self) -> BakeReport:
         """Write the result into the scene, whole or not at all; main thread, after `step` returned True.
@@ -186,7 +183,7 @@ class BakeJob:
         if self._output.scale is Scale.WHITE:
             values, rmse = result.white(), result.white_rmse()
         per_object = [values[r.first : r.end][r.element_patch] for r in arrays.ranges]
-        notes = _write(self._snapshot.baked, per_object, self._output)
+        notes = write_values(self._snapshot.baked, per_object, self._output)
         seconds = {"extract": self._extract_seconds, **result.seconds, "write": time.perf_counter() - began}
         return BakeReport(
             objects=[baked.snapshot.name for baked in self._snapshot.baked],
@@ -268,78 +265,3 @@ def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[
 def _keeps_what_is_written(mesh: bpy.types.Mesh) -> bool:
     """Whether attributes of a mesh reach the file: those of linked meshes and of library overrides do not."""
     return mesh.library is None and mesh.override_library is None and mesh.is_editable
-
-
-def _write(baked: list[BakedObject], values: list[np.ndarray], output: OutputSettings) -> list[str]:
-    """Put the values of all objects into attributes; on failure all is as it was."""
-    by_uid = {ob.session_uid: ob for ob in bpy.data.objects}  # references do not survive an undo
-    objects = [_unchanged(b, by_uid.get(b.session_uid), output) for b in baked]
-    groups: dict[int, list[int]] = {}
-    for i, ob in enumerate(objects):
-        groups.setdefault(ob.data.session_uid, []).append(i)
-    notes: list[str] = []
-    copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
-    prepared: list[tuple[bpy.types.Mesh, str, str]] = []
-    try:
-        jobs = []
-        for members in groups.values():
-            if output.shared_meshes is SharedMeshes.AVERAGE:
-                mean = np.mean([values[i] for i in members], axis=0)
-                jobs.append((objects[members[0]].data, mean, baked[members[0]]))
-                continue
-            _separate([objects[i] for i in members], copies, notes)
-            jobs += [(objects[i].data, values[i], baked[i]) for i in members]
-        for mesh, _, _ in jobs:
-            for name, domain in output.layers():
-                prepared.append((mesh, name, color_attribute.prepare(mesh, name, domain)))
-    except BaseException:
-        for made in prepared:
-            color_attribute.discard(*made)
-        for ob, mesh in copies:
-            copy, ob.data = ob.data, mesh
-            bpy.data.meshes.remove(copy)
-        raise
-    layers = iter(prepared)
-    for mesh, colours, source in jobs:
-        for name, domain in output.layers():
-            spread = colours
-            if domain == "CORNER" and output.target is Target.FACE:
-                spread = np.repeat(colours, np.diff(source.base.face_start), axis=0)
-            replaced = color_attribute.fill(mesh, next(layers)[2], name, spread)
-            if replaced:
-                notes.append(replaced)
-        shown, shown_domain = output.layers()[0]
-        if shown_domain != "FACE":  # only corner and point colours can be active in the viewport
-            color_attribute.make_active(mesh, shown)
-    return notes
-
-
-def _separate(
-    users: list[bpy.types.Object], copies: list[tuple[bpy.types.Object, bpy.types.Mesh]], notes: list[str]
-) -> None:
-    """Give each object a mesh of its own; the first keeps the mesh unless objects that are not baked use it too."""
-    mesh = users[0].data
-    uids = {ob.session_uid for ob in users}
-    outsiders = any(ob.data == mesh and ob.session_uid not in uids for ob in bpy.data.objects if ob.type == "MESH")
-    copied = users if outsiders else users[1:]
-    for ob in copied:
-        copies.append((ob, mesh))
-        ob.data = mesh.copy()
-    if copied:
-        names = ", ".join(f"'{ob.name}'" for ob in copied)
-        notes.append(f"mesh '{mesh.name}' is shared, so these got a copy of their own: {names}")
-
-
-def _unchanged(baked: BakedObject, ob: bpy.types.Object | None, output: OutputSettings) -> bpy.types.Object:
-    """The object, once sure that it still has the faces that were baked."""
-    name = baked.snapshot.name
-    if ob is None or ob.type != "MESH":
-        raise SceneChangedError(f"object '{name}' was deleted during the bake: bake again")
-    base, mesh = baked.base, ob.data
-    if mesh.is_editmode or ob.mode == "EDIT":
-        raise SceneChangedError(f"object '{name}' is in Edit Mode: leave it and bake again")
-    if not same_faces(mesh, base):
-        raise SceneChangedError(f"the mesh of object '{name}' was edited during the bake: bake again")
-    for layer, _domain in output.layers():
-        color_attribute.check_name(ob, layer)
-    return ob

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 import time
@@ -142,9 +143,10 @@ def bake_obscurances(
     per_patch = allocate_rays(scene.cells.area, settings)
     monitor.phase("trace", int(per_patch.sum() + per_patch[sample].sum()))
     cast = functools.partial(
-        gather_obscurances, scene, patches.ids, settings, progress=monitor.advance, block_rays=block_rays
+        gather_obscurances, ids=patches.ids, settings=settings, progress=monitor.advance, block_rays=block_rays
     )
-    sums, second = cast(), cast(replicate=1, only=sample)
+    sums = cast(scene)
+    second = cast(dataclasses.replace(scene, cells=scene.cells.of_patches(sample)), replicate=1)
     traced = time.perf_counter()
 
     r_ave = mean_reflectance(surfaces, scene.cells.area * normalisation.scale**2, sums.valid, patch_reflectance)

@@ -22,7 +22,7 @@ from .settings import BakeSettings, Sampler
 from .sobol import hash32
 from .traced_scene import FAR, TracedScene
 
-BLOCK_RAYS = 16384  # per task: larger blocks fall out of the cache, smaller ones pay Python's overhead
+BLOCK_RAYS = 32768  # per task: smaller ones pay Python's overhead, larger ones gain nothing and use more memory
 TABLE_ROWS = 1024  # rays of a sequence held at a time, so that memory does not grow with the number of rays
 
 _MISS, _DROPPED = 4, 5  # columns of the cell sums behind rho R_red, rho R_green, rho R_blue, rho
@@ -70,11 +70,10 @@ def gather_obscurances(
     settings: BakeSettings,
     *,
     replicate: int = 0,
-    only: np.ndarray | None = None,
     progress: Progress | None = None,
     block_rays: int = BLOCK_RAYS,
 ) -> ObscuranceSums:
-    """Cast the rays of all patches, or of some, and sum what they meet.
+    """Cast the rays of all patches that have cells, and sum what they meet.
 
     Parameters
     ----------
@@ -84,8 +83,6 @@ def gather_obscurances(
     settings : BakeSettings
     replicate : int
         0 for the bake; other numbers give independent scramblings, for error estimates.
-    only : ndarray, (p,) bool, optional
-        Patches to cast rays for; the others come out invalid.
     progress : callable, optional
         Called from any thread with the number of rays just cast; may raise `BakeCancelledError`.
     block_rays : int
@@ -97,13 +94,10 @@ def gather_obscurances(
         Bit for bit the same for any number of threads and any block size.
     """
     caster = _Caster(scene, ids, settings, replicate, progress or _ignore, block_rays)
-    cells = np.arange(len(scene.cells.patch))
-    if only is not None:
-        cells = cells[only[scene.cells.patch]]
-    caster.cast(cells)
+    caster.cast(np.arange(len(scene.cells.patch)))
     if scene.solid is not None:
-        caster.recast_patches_inside_solids(cells)
-    return caster.patch_sums(len(ids))
+        caster.recast_patches_inside_solids()
+    return caster.patch_sums()
 
 
 def _ignore(_rays: int) -> None:
@@ -132,15 +126,13 @@ class _Caster:
         cells = scene.cells
         self.start, self.count = split_rays(cells.patch, cells.weight, allocate_rays(cells.area, settings))
         self.scramble = (hash32(ids.astype(np.uint32) ^ np.uint32(self.seed)) % np.uint32(SCRAMBLES)).astype(np.int64)
-        self.sums = np.zeros((len(cells.patch), 6))
-        self.was_cast = np.zeros(len(cells.patch), bool)
+        self.sums = np.zeros((6, len(cells.patch)))
         self.scratch = _Scratch()
 
     def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
         """Add all rays of the cells (m,) int to their sums, in passes over the ray sequence."""
         if not len(cells):
             return
-        self.was_cast[cells] = True
         start, end = self.start[cells], self.start[cells] + self.count[cells]
         sets, row_of_set = self._point_sets(cells)
         with ThreadPoolExecutor(self.threads) as pool:
@@ -176,7 +168,7 @@ class _Caster:
         limits.fill(limit)
         if scene.needs_only_occlusion:
             blocked = scene.intersector.occluded(origins, directions, limits).reshape(-1, n)
-            self.sums[cells, _MISS] += n - np.count_nonzero(blocked, axis=1)
+            self.sums[_MISS, cells] += n - np.count_nonzero(blocked, axis=1)
             self.progress(len(origins))
             return
         hits = scene.intersector.intersect(origins, directions, limits)
@@ -214,17 +206,17 @@ class _Caster:
         rho = apply_falloff(scene.falloff, distance)
         if dropped is not None:
             rho[dropped] = 0.0
-            sums[cells, _DROPPED] += np.count_nonzero(dropped.reshape(-1, n), axis=1)
+            sums[_DROPPED, cells] += np.count_nonzero(dropped.reshape(-1, n), axis=1)
         if scene.palette is not None:
             colours = self.scratch.array("colours", (len(triangle), 4))
             np.take(scene.palette, np.add(triangle, 1, dtype=np.intp), axis=0, mode="clip", out=colours)
-            sums[cells, :4] += np.matmul(rho.reshape(-1, 1, n), colours.reshape(-1, n, 4))[:, 0]
+            sums[:4, cells] += np.matmul(rho.reshape(-1, 1, n), colours.reshape(-1, n, 4))[:, 0].T
         else:
             rho *= met
-            sums[cells, 3] += rho.reshape(-1, n).sum(1)
-        sums[cells, _MISS] += n - np.count_nonzero(met.reshape(-1, n), axis=1)
+            sums[3, cells] += rho.reshape(-1, n).sum(1)
+        sums[_MISS, cells] += n - np.count_nonzero(met.reshape(-1, n), axis=1)
 
-    def recast_patches_inside_solids(self, cells: np.ndarray) -> None:
+    def recast_patches_inside_solids(self) -> None:
         """Cast without limit the rays of patches that may start inside of a solid farther than d_max from its walls.
 
         Suspect are patches with a ray that was dropped, and patches whose rays met nothing at all but of which one
@@ -233,15 +225,15 @@ class _Caster:
         if self.scene.limit == FAR:  # they had no limit
             return
         patch, n_patches = self.scene.cells.patch, len(self.scene.cells.area)
-        suspect = np.bincount(patch, self.sums[:, _DROPPED], n_patches) > 0.0
-        met_nothing = np.bincount(patch[cells], (self.count - self.sums[:, _MISS])[cells], n_patches) == 0.0
-        first_cell = cells[np.unique(patch[cells], return_index=True)[1]]
+        suspect = np.bincount(patch, self.sums[_DROPPED], n_patches) > 0.0
+        met_nothing = np.bincount(patch, self.count - self.sums[_MISS], n_patches) == 0.0
+        first_cell = np.unique(patch, return_index=True)[1]
         first_cell = first_cell[met_nothing[patch[first_cell]]]
         for at in range(0, len(first_cell), self.block_rays):
             probes = first_cell[at : at + self.block_rays]
             suspect[patch[probes[self._probe(probes)]]] = True
-        again = cells[suspect[patch[cells]]]
-        self.sums[again] = 0.0
+        again = np.flatnonzero(suspect[patch])
+        self.sums[:, again] = 0.0
         self.cast(again, unbounded=True)
 
     def _probe(self, cells: np.ndarray) -> np.ndarray:
@@ -253,12 +245,14 @@ class _Caster:
         self.rays += len(origins)
         return starts_inside(self.scene, directions, hits)
 
-    def patch_sums(self, n_patches: int) -> ObscuranceSums:
+    def patch_sums(self) -> ObscuranceSums:
         """Cells weighed by area into patches."""
         cells = self.scene.cells
-        shares = self.sums / np.maximum(self.count, 1)[:, None] * cells.weight[:, None]  # a whole share is exact
-        columns = [np.bincount(cells.patch, shares[:, k], n_patches) for k in range(6)]
-        valid = np.bincount(cells.patch, cells.weight * self.was_cast, n_patches) - columns[_DROPPED]
+        columns = [
+            np.bincount(cells.patch, column / self.count * cells.weight, len(cells.area))  # a whole share is exact
+            for column in self.sums
+        ]
+        valid = np.bincount(cells.patch, cells.weight, len(cells.area)) - columns[_DROPPED]
         valid[valid < 1e-9] = 0.0  # rounding left by weights whose rays were all dropped
         return ObscuranceSums(np.stack(columns[:4], -1), columns[_MISS], valid, self.rays)
 

@@ -8,7 +8,8 @@ planar or not, are sampled where they really are.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -199,11 +200,18 @@ class Cells:
     weight: np.ndarray
     area: np.ndarray
 
+    def of_patches(self, chosen: np.ndarray) -> Cells:
+        """The cells of some patches, (p,) bool; the others are left without cells."""
+        kept = chosen[self.patch]
+        return replace(
+            self, frames=self.frames[kept], offset=self.offset[kept], patch=self.patch[kept], weight=self.weight[kept]
+        )
 
-def prepare_cells(patches: Patches, normalisation: Normalisation) -> Cells:
+
+def prepare_cells(patches: Patches, normalisation: Normalisation, threads: int) -> Cells:
     """Drop unusable cells and precompute the frames of the others."""
-    kept, frames, offsets, areas = [], [], [], []
-    for part in slices(len(patches.corners)):
+
+    def prepare(part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         shape = _Shape.of(normalisation.apply(patches.corners[part]))
         usable = shape.usable()
         corners, double_area = shape.corners[..., usable], shape.double_area[usable]
@@ -213,11 +221,11 @@ def prepare_cells(patches: Patches, normalisation: Normalisation) -> Cells:
         frame[:, 0, :3], frame[:, 1, :3] = (corners[1] - corners[0]).T, (corners[2] - corners[0]).T
         frame[:, 2, :3] = (corners[0] + offset * normal).T
         frame[:, :, 3:] = orthonormal_frames(normal.T)
-        kept.append(usable)
-        frames.append(frame)
-        offsets.append(offset.astype(np.float32))
-        areas.append(0.5 * double_area)
-    patch = np.asarray(patches.patch, np.int64)[np.concatenate(kept)]
-    cell_area = np.concatenate(areas)
+        return usable, frame, offset.astype(np.float32), 0.5 * double_area
+
+    with ThreadPoolExecutor(threads) as pool:
+        parts = pool.map(prepare, slices(len(patches.corners)))
+        kept, frames, offset, cell_area = map(np.concatenate, zip(*parts, strict=True))
+    patch = np.asarray(patches.patch, np.int64)[kept]
     area = np.bincount(patch, cell_area, len(patches))
-    return Cells(np.concatenate(frames), np.concatenate(offsets), patch, cell_area / area[patch], area)
+    return Cells(frames, offset, patch, cell_area / area[patch], area)

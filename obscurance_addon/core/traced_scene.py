@@ -78,7 +78,7 @@ def prepare_scene(
     solid = np.concatenate([[False], surfaces.solid]) if surfaces.solid.any() else None
     limit = np.float32(np.clip(d_max / normalisation.scale, NEAR, FAR))
     return TracedScene(
-        prepare_cells(patches, normalisation),
+        prepare_cells(patches, normalisation, settings.thread_count()),
         intersector,
         palette,
         solid,

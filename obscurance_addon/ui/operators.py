@@ -89,7 +89,7 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
     def cancel(self, context: bpy.types.Context) -> None:
         """Stop the job and leave the scene as it was; Blender also calls this when a file is loaded or it quits."""
         if self._job is not None:
-            self._job.cancel()
+            self._job.cancel(wait=False)  # the threads end by themselves soon, and touch nothing of Blender's
         self._finish(context)
 
     def _start(self, context: bpy.types.Context) -> BakeJob:

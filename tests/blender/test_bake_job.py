@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from obscurance_addon.blender.bake_job import SceneChangedError
+from obscurance_addon.blender.result_writer import SceneChangedError
 from obscurance_addon.core.errors import BakeCancelledError, ObscuranceError
 from tests.blender.helpers import (
     CORNER_LAYER,

@@ -4,8 +4,9 @@ import bpy
 import numpy as np
 import pytest
 
-from obscurance_addon.blender import scene_geometry
+from obscurance_addon.blender import carried_indices, scene_geometry
 from obscurance_addon.blender.color_attribute import AttributeNameError
+from obscurance_addon.core.errors import GeometryError
 from obscurance_addon.core.falloff import Falloff
 from tests.blender.helpers import (
     FACE_LAYER,
@@ -223,14 +224,16 @@ def test_nothing_carried_is_left_on_the_mesh(modify, target):
     assert mesh_state(ob.data) == before
 
 
-@pytest.mark.parametrize("at", ["_put", "read_mesh", "_Reader"])
-def test_nothing_carried_is_left_when_reading_fails(monkeypatch, at):
+@pytest.mark.parametrize(
+    ("module", "at"), [(carried_indices, "_put"), (scene_geometry, "read_mesh"), (scene_geometry, "_Reader")]
+)
+def test_nothing_carried_is_left_when_reading_fails(monkeypatch, module, at):
     """Whatever breaks while indices are on the mesh, they are taken off again."""
     ob = floor(n=3)
     triangulate(ob)
     before = mesh_state(ob.data)
     calls = []
-    original = getattr(scene_geometry, at)
+    original = getattr(module, at)
 
     def fails(*arguments, **keywords):
         calls.append(arguments)
@@ -238,10 +241,22 @@ def test_nothing_carried_is_left_when_reading_fails(monkeypatch, at):
             return original(*arguments, **keywords)
         raise MemoryError("no more")
 
-    monkeypatch.setattr(scene_geometry, at, fails)
+    monkeypatch.setattr(module, at, fails)
     with pytest.raises(MemoryError):
         job(ob, target="CORNER")
     assert calls
+    assert mesh_state(ob.data) == before
+
+
+@pytest.mark.parametrize("name", ["obscurance_face_index", "obscurance_rest_position"])
+def test_an_attribute_of_the_users_is_not_taken_over(name):
+    """A name that a bake needs for itself is named, and what the user keeps there stays."""
+    ob = floor(n=3)
+    triangulate(ob)
+    ob.data.attributes.new(name, "FLOAT", "FACE")
+    before = mesh_state(ob.data)
+    with pytest.raises(GeometryError, match=name):
+        job(ob)
     assert mesh_state(ob.data) == before
 
 

@@ -1,0 +1,100 @@
+"""One mesh as plain arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+FACE_INDEX = "obscurance_face_index"  # carried through modifiers; above 0, since faces without origin read 0
+REST_POSITION = "obscurance_rest_position"
+
+
+@dataclass(frozen=True)
+class MeshArrays:
+    """One mesh in its own space.
+
+    Attributes
+    ----------
+    positions : ndarray, (v, 3) float32
+    corner_vertex : ndarray, (c,) int32
+    face_start : ndarray, (f + 1,) int32
+        First corner of each face, and the number of corners.
+    triangle_corners : ndarray, (t, 3) int32
+        Blender's own triangulation.
+    triangle_face : ndarray, (t,) int32
+    face_material : ndarray, (f,) int32
+        Material slot of each face.
+    corner_edge : ndarray, (c,) int32
+        Edge that begins at each corner.
+    sharp_edge, sharp_face : ndarray, (e,) and (f,) bool
+        Edges marked sharp, and faces with flat shading.
+    face_origin, rest : ndarray, (f,) int and (v, 3) float32, or None
+        1-based index of the unmodified face that each face came from, 0 for faces that came from none, and where its
+        vertices were before modifiers; None for meshes whose faces are the unmodified ones.
+    """
+
+    positions: np.ndarray
+    corner_vertex: np.ndarray
+    face_start: np.ndarray
+    triangle_corners: np.ndarray
+    triangle_face: np.ndarray
+    face_material: np.ndarray
+    corner_edge: np.ndarray
+    sharp_edge: np.ndarray
+    sharp_face: np.ndarray
+    face_origin: np.ndarray | None = None
+    rest: np.ndarray | None = None
+
+
+def read_attribute(mesh: bpy.types.Mesh, name: str, field_name: str, dtype: str, width: int) -> np.ndarray:
+    """All values of an attribute as (n, width), or (n,) for width 1."""
+    data = mesh.attributes[name].data
+    values = np.empty(len(data) * width, dtype)
+    data.foreach_get(field_name, values)
+    return values.reshape(-1, width) if width > 1 else values
+
+
+def read_mesh(mesh: bpy.types.Mesh) -> MeshArrays:
+    """Arrays of a mesh that has at least one face; main thread, object mode."""
+    mesh.calc_loop_triangles()
+    n_faces, n_corners, n_triangles = len(mesh.polygons), len(mesh.loops), len(mesh.loop_triangles)
+    face_start = np.empty(n_faces + 1, np.int32)
+    mesh.polygons.foreach_get("loop_start", face_start[:-1])
+    face_start[-1] = n_corners
+    triangle_corners = np.empty(n_triangles * 3, np.int32)
+    mesh.loop_triangles.foreach_get("loops", triangle_corners)
+    triangle_face = np.empty(n_triangles, np.int32)
+    mesh.loop_triangle_polygons.foreach_get("value", triangle_face)
+    names = mesh.attributes.keys()
+    return MeshArrays(
+        positions=read_attribute(mesh, "position", "vector", "f4", 3),
+        corner_vertex=read_attribute(mesh, ".corner_vert", "value", "i4", 1),
+        face_start=face_start,
+        triangle_corners=triangle_corners.reshape(-1, 3),
+        triangle_face=triangle_face,
+        face_material=_optional(mesh, "material_index", "i4", n_faces),
+        corner_edge=read_attribute(mesh, ".corner_edge", "value", "i4", 1),
+        sharp_edge=_optional(mesh, "sharp_edge", "?", len(mesh.edges)),
+        sharp_face=_optional(mesh, "sharp_face", "?", n_faces),
+        face_origin=read_attribute(mesh, FACE_INDEX, "value", "i4", 1) if FACE_INDEX in names else None,
+        rest=read_attribute(mesh, REST_POSITION, "vector", "f4", 3) if REST_POSITION in names else None,
+    )
+
+
+def same_faces(mesh: bpy.types.Mesh, arrays: MeshArrays) -> bool:
+    """Whether a mesh still has the vertices, corners and faces of these arrays, wherever its vertices are now."""
+    counts = (len(arrays.positions), len(arrays.corner_vertex), len(arrays.face_start) - 1)
+    if (len(mesh.vertices), len(mesh.loops), len(mesh.polygons)) != counts:
+        return False
+    face_start = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("loop_start", face_start)
+    return np.array_equal(face_start, arrays.face_start[:-1]) and np.array_equal(
+        read_attribute(mesh, ".corner_vert", "value", "i4", 1), arrays.corner_vertex
+    )
+
+
+def _optional(mesh: bpy.types.Mesh, name: str, dtype: str, n: int) -> np.ndarray:
+    """Values (n,) of an attribute that Blender leaves out while all of them are 0."""
+    return read_attribute(mesh, name, "value", dtype, 1) if name in mesh.attributes else np.zeros(n, dtype)

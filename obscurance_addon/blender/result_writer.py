@@ -1,0 +1,91 @@
+"""Puts the values of a bake into the scene, whole or not at all."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..core.errors import ObscuranceError
+from . import color_attribute
+from .mesh_arrays import same_faces
+from .output_settings import OutputSettings, SharedMeshes, Target
+from .scene_geometry import BakedObject
+
+
+class SceneChangedError(ObscuranceError):
+    """The scene was edited while the bake ran, so that its result has no place any more."""
+
+
+def write_values(baked: list[BakedObject], values: list[np.ndarray], output: OutputSettings) -> list[str]:
+    """Put the values of all objects into attributes; on failure all is as it was."""
+    by_uid = {ob.session_uid: ob for ob in bpy.data.objects}  # references do not survive an undo
+    objects = [_unchanged(b, by_uid.get(b.session_uid), output) for b in baked]
+    groups: dict[int, list[int]] = {}
+    for i, ob in enumerate(objects):
+        groups.setdefault(ob.data.session_uid, []).append(i)
+    notes: list[str] = []
+    copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
+    prepared: list[tuple[bpy.types.Mesh, str, str]] = []
+    try:
+        jobs = []
+        for members in groups.values():
+            if output.shared_meshes is SharedMeshes.AVERAGE:
+                mean = np.mean([values[i] for i in members], axis=0)
+                jobs.append((objects[members[0]].data, mean, baked[members[0]]))
+                continue
+            _separate([objects[i] for i in members], copies, notes)
+            jobs += [(objects[i].data, values[i], baked[i]) for i in members]
+        for mesh, _, _ in jobs:
+            for name, domain in output.layers():
+                prepared.append((mesh, name, color_attribute.prepare(mesh, name, domain)))
+    except BaseException:
+        for made in prepared:
+            color_attribute.discard(*made)
+        for ob, mesh in copies:
+            copy, ob.data = ob.data, mesh
+            bpy.data.meshes.remove(copy)
+        raise
+    layers = iter(prepared)
+    for mesh, colours, source in jobs:
+        for name, domain in output.layers():
+            spread = colours
+            if domain == "CORNER" and output.target is Target.FACE:
+                spread = np.repeat(colours, np.diff(source.base.face_start), axis=0)
+            replaced = color_attribute.fill(mesh, next(layers)[2], name, spread)
+            if replaced:
+                notes.append(replaced)
+        shown, shown_domain = output.layers()[0]
+        if shown_domain != "FACE":  # only corner and point colours can be active in the viewport
+            color_attribute.make_active(mesh, shown)
+    return notes
+
+
+def _separate(
+    users: list[bpy.types.Object], copies: list[tuple[bpy.types.Object, bpy.types.Mesh]], notes: list[str]
+) -> None:
+    """Give each object a mesh of its own; the first keeps the mesh unless objects that are not baked use it too."""
+    mesh = users[0].data
+    uids = {ob.session_uid for ob in users}
+    outsiders = any(ob.data == mesh and ob.session_uid not in uids for ob in bpy.data.objects if ob.type == "MESH")
+    copied = users if outsiders else users[1:]
+    for ob in copied:
+        copies.append((ob, mesh))
+        ob.data = mesh.copy()
+    if copied:
+        names = ", ".join(f"'{ob.name}'" for ob in copied)
+        notes.append(f"mesh '{mesh.name}' is shared, so these got a copy of their own: {names}")
+
+
+def _unchanged(baked: BakedObject, ob: bpy.types.Object | None, output: OutputSettings) -> bpy.types.Object:
+    """The object, once sure that it still has the faces that were baked."""
+    name = baked.snapshot.name
+    if ob is None or ob.type != "MESH":
+        raise SceneChangedError(f"object '{name}' was deleted during the bake: bake again")
+    base, mesh = baked.base, ob.data
+    if mesh.is_editmode or ob.mode == "EDIT":
+        raise SceneChangedError(f"object '{name}' is in Edit Mode: leave it and bake again")
+    if not same_faces(mesh, base):
+        raise SceneChangedError(f"the mesh of object '{name}' was edited during the bake: bake again")
+    for layer, _domain in output.layers():
+        color_attribute.check_name(ob, layer)
+    return ob

@@ -7,8 +7,10 @@ CORNER), or one value for each face (target FACE). Both use the STEP falloff, wh
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import bpy
+import numpy as np
 from scenes import empty_scene, many_objects, select_only, suzanne_over_plane
 
 from obscurance_addon.blender.bake_job import BakeJob
@@ -16,6 +18,7 @@ from obscurance_addon.blender.output_settings import OutputSettings
 from obscurance_addon.core.settings import BakeSettings
 
 SAMPLES = 64
+CYCLES_LAYER = "Cycles AO"
 DISTANCE = 0.5  # metres; Suzanne is 2.7 m wide
 
 
@@ -30,6 +33,7 @@ def _compare(name: str, make, repeats: int) -> dict:
     _prepare_cycles(objects)
     settings = BakeSettings(rays=SAMPLES, distance=DISTANCE, falloff="STEP", use_bleeding=False)
     entry = {
+        "noise": _noise(objects, settings),
         "scene": name,
         "objects": len(objects),
         "faces": sum(len(ob.data.polygons) for ob in objects),
@@ -40,6 +44,8 @@ def _compare(name: str, make, repeats: int) -> dict:
         "seconds_corner": [],
     }
     for _ in range(repeats):
+        for ob in objects:
+            ob.data.attributes.active_color_name = CYCLES_LAYER
         began = time.perf_counter()
         bpy.ops.object.bake(type="AO", target="VERTEX_COLORS")
         entry["seconds_cycles"].append(time.perf_counter() - began)
@@ -48,6 +54,34 @@ def _compare(name: str, make, repeats: int) -> dict:
             BakeJob(bpy.context, objects, settings, OutputSettings(target=target)).run()
             entry[f"seconds_{target.lower()}"].append(time.perf_counter() - began)
     return entry
+
+
+def _noise(objects: list[bpy.types.Object], settings: BakeSettings) -> dict:
+    """Random error of one bake, as the RMS difference between two with different seeds, over the square root of 2.
+
+    Cycles' values are averaged over the corners of each face first, so that both say something about faces.
+    """
+    faces = {"cycles": [], "face": []}
+    for seed in (1, 2):
+        bpy.context.scene.cycles.seed = seed
+        bpy.ops.object.bake(type="AO", target="VERTEX_COLORS")
+        faces["cycles"].append(np.concatenate([_face_means(ob.data) for ob in objects]))
+        BakeJob(bpy.context, objects, replace(settings, seed=seed), OutputSettings(corner_copy=False)).run()
+        faces["face"].append(np.concatenate([_values(ob.data, "Obscurance") for ob in objects]))
+    return {key: float(np.sqrt(np.mean((a - b) ** 2) / 2.0)) for key, (a, b) in faces.items()}
+
+
+def _values(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
+    data = mesh.attributes[name].data
+    rgba = np.empty(len(data) * 4, np.float32)
+    data.foreach_get("color", rgba)
+    return rgba[::4]
+
+
+def _face_means(mesh: bpy.types.Mesh) -> np.ndarray:
+    size = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("loop_total", size)
+    return np.add.reduceat(_values(mesh, CYCLES_LAYER), np.cumsum(size) - size) / size
 
 
 def _prepare_cycles(objects: list[bpy.types.Object]) -> None:
@@ -61,7 +95,7 @@ def _prepare_cycles(objects: list[bpy.types.Object]) -> None:
     scene.world = bpy.data.worlds.new("World")
     scene.world.light_settings.distance = DISTANCE
     for ob in objects:
-        ob.data.color_attributes.new("Cycles AO", "FLOAT_COLOR", "CORNER")
-        ob.data.attributes.active_color_name = "Cycles AO"
+        ob.data.color_attributes.new(CYCLES_LAYER, "FLOAT_COLOR", "CORNER")
+        ob.data.attributes.active_color_name = CYCLES_LAYER
         ob.data.materials.append(bpy.data.materials.get("White") or bpy.data.materials.new("White"))
     select_only(objects)

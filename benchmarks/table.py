@@ -108,13 +108,28 @@ def _cycles_ao(results: list[dict]) -> str:
             for key in ("face", "corner")
         }
         seconds = [f"{statistics.median(r[f'seconds_{key}']):.2f}" for key in ("cycles", "face", "corner")]
-        rows.append([r["scene"], f"{r['faces']:,}", *seconds, f"{faster['face']:.0f}x", f"{faster['corner']:.0f}x"])
+        noise = [f"{r['noise'][key]:.4f}" for key in ("cycles", "face")]
+        rows.append(
+            [r["scene"], f"{r['faces']:,}", *seconds, f"{faster['face']:.1f}x", f"{faster['corner']:.1f}x", *noise]
+        )
     return (
         f"## Beside Cycles' ambient occlusion bake to colour attributes\n\nThe same meshes, distance and "
         f"{results[0]['samples']} samples on the same processors, alternating in one run; falloff STEP, no bleeding. "
         "Cycles computes a value at every corner of every face; ours one for each face (FACE), or one for the surface "
-        "around each group of smooth corners (CORNER).\n\n"
+        "around each group of smooth corners (CORNER). Noise is the random error per face, from two seeds; that of "
+        "Cycles is of the mean of a face's corners, four times as many samples.\n\n"
         + _table(
-            ["scene", "faces", "Cycles s", "FACE s", "CORNER s", "FACE is faster (aim: 20x)", "CORNER is faster"], rows
+            [
+                "scene",
+                "faces",
+                "Cycles s",
+                "FACE s",
+                "CORNER s",
+                "FACE is faster (aim: 20x)",
+                "CORNER is faster",
+                "Cycles' noise",
+                "FACE noise",
+            ],
+            rows,
         )
     )

@@ -60,7 +60,8 @@ class BakeReport:
         """One line for the status bar or the terminal."""
         return (
             f"Baked {self.patches:,} patches of {len(self.objects)} object{'s' * (len(self.objects) != 1)} with "
-            f"{self.rays:,} rays in {sum(self.seconds.values()):.2f} s, estimated error {max(self.rmse):.2g}"
+            f"{self.rays:,} rays up to {self.d_max:.3g} m long in {sum(self.seconds.values()):.2f} s, "
+            f"estimated error {max(self.rmse):.2g}"
         )
 
 

@@ -23,23 +23,26 @@ class OBSCURANCE_PT_bake(bpy.types.Panel):
         settings = context.scene.obscurance
         meshes = [ob.name for ob in context.selected_objects if ob.type == "MESH"]
 
-        column = layout.column(heading="What")
+        column = layout.column()
         column.label(text=_what(meshes), icon="OBJECT_DATA")
         column.prop(settings, "use_bleeding")
 
-        column = layout.column(heading="How Far")
+        column = layout.column()
+        column.label(text="How Far")
         column.prop(settings, "distance_mode")
         row = column.row()
         row.active = settings.distance_mode == "METRES"
         row.prop(settings, "distance")
         column.prop(settings, "falloff")
 
-        column = layout.column(heading="How Fine")
+        column = layout.column()
+        column.label(text="How Fine")
         row = column.row()
         row.active = settings.ray_budget == 0
         row.prop(settings, "rays")
 
-        column = layout.column(heading="Where To")
+        column = layout.column()
+        column.label(text="Where To")
         column.prop(settings, "target")
         column.prop(settings, "attribute_name")
         if settings.target == "FACE":
@@ -70,8 +73,8 @@ class OBSCURANCE_PT_sampling(bpy.types.Panel):
 
 def _what(meshes: list[str]) -> str:
     if not meshes:
-        return "Select mesh objects"
-    return meshes[0] if len(meshes) == 1 else f"{len(meshes)} mesh objects"
+        return "What: select mesh objects"
+    return f"What: {meshes[0] if len(meshes) == 1 else f'{len(meshes)} mesh objects'}"
 
 
 _CLASSES = (OBSCURANCE_PT_bake, OBSCURANCE_PT_sampling)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 
 import bpy
-import numpy as np
 from scenes import empty_scene, suzanne_over_plane
 
 from obscurance_addon.blender.bake_arrays import prepare_arrays
 from obscurance_addon.blender.bake_job import BakeJob
 from obscurance_addon.blender.output_settings import OutputSettings, Target
 from obscurance_addon.blender.scene_geometry import snapshot_scene
+from obscurance_addon.core.embree import fill_scene
 from obscurance_addon.core.settings import BakeSettings
 
 
@@ -30,11 +30,7 @@ def run(repeats: int) -> list[dict]:
 
 def _fill_seconds(objects: list[bpy.types.Object]) -> float:
     """Time that embreex takes to copy the triangles into its buffers, which no caller can shorten."""
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
     surfaces = prepare_arrays(snapshot_scene(bpy.context, objects), Target.FACE).surfaces
-    corners = surfaces.vertices.astype(np.float32)[surfaces.triangles]
     began = time.perf_counter()
-    TriangleMesh(EmbreeScene(robust=True), corners)
+    fill_scene(surfaces.vertices, surfaces.triangles)
     return time.perf_counter() - began

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import traceback
 
 
 def _run() -> int:
@@ -25,6 +26,12 @@ if __name__ == "__main__":
         status = _run()
     except SystemExit as stop:
         status = stop.code if isinstance(stop.code, int) else 2
+    except KeyboardInterrupt:
+        print("obscurance: interrupted; the file at hand was not changed", file=sys.stderr)
+        status = 130
+    except BaseException:
+        traceback.print_exc()
+        status = 1
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(status)  # the bpy module crashes (4.2) or hangs (4.5) at a normal exit while classes are registered

@@ -40,14 +40,17 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     bake.add_argument("--objects", nargs="+", metavar="NAME", help="objects to bake (default: all that render)")
     bake.add_argument("--target", choices=["FACE", "CORNER", "POINT"])
     bake.add_argument("--attribute", metavar="NAME", help="name of the attribute (default: Obscurance)")
-    bake.add_argument("--no-corner-copy", action="store_true", help="with target FACE, write the face attribute only")
-    bake.add_argument("--rays", type=int, metavar="N", help="rays per patch")
-    bake.add_argument("--ray-budget", type=int, metavar="N", help="total number of rays, shared out by area")
+    bake.add_argument(
+        "--corner-copy", action=argparse.BooleanOptionalAction, help="with target FACE, also write face corners or not"
+    )
+    fineness = bake.add_mutually_exclusive_group()
+    fineness.add_argument("--rays", type=int, metavar="N", help="rays per patch")
+    fineness.add_argument("--ray-budget", type=int, metavar="N", help="total number of rays, shared out by area")
     bake.add_argument(
         "--distance", type=_distance, metavar="METRES|auto", help="reach of the rays", default=argparse.SUPPRESS
     )
     bake.add_argument("--falloff", choices=[f.value for f in Falloff])
-    bake.add_argument("--no-bleeding", action="store_true", help="grey obscurances")
+    bake.add_argument("--bleeding", action=argparse.BooleanOptionalAction, help="tint by the surroundings or not")
     bake.add_argument("--scale", choices=["WHITE", "PAPER"])
     bake.add_argument("--shared-meshes", choices=["SEPARATE", "AVERAGE"])
     bake.add_argument("--sampler", choices=[s.value for s in Sampler])
@@ -61,6 +64,9 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     names = [scene.name for scene in options.scenes]
     if options.output_dir and len(set(names)) < len(names):
         bake.error("two scenes have the same file name, so --output-dir would write one over the other")
+    outputs = {path.resolve() for path in _outputs(options)}
+    if options.report and options.report.resolve() in outputs.union(scene.resolve() for scene in options.scenes):
+        bake.error("--report names a .blend that is read or written: give the report a name of its own")
     try:
         BakeSettings(**_estimator_changes(options))
     except SettingsError as error:
@@ -68,9 +74,19 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     return options
 
 
+def _outputs(options: argparse.Namespace) -> list[Path]:
+    """The file to write for each scene."""
+    if options.output:
+        return [options.output]
+    return [options.output_dir / scene.name if options.output_dir else scene for scene in options.scenes]
+
+
 def _distance(text: str) -> float | None:
     """Metres, or None for automatic."""
-    return None if text.lower() == "auto" else float(text)
+    try:
+        return None if text.lower() == "auto" else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is neither a number of metres nor 'auto'") from None
 
 
 def main(arguments: list[str]) -> int:
@@ -88,7 +104,12 @@ def main(arguments: list[str]) -> int:
     """
     options = parse(arguments)
     began = time.perf_counter()
-    files = [_bake_file(scene, options) for scene in options.scenes]
+    if options.report and (problem := _cannot_write(options.report)):
+        _complain(f"{options.report}: {problem}")
+        return FAILED
+    files = [
+        _bake_file(scene, output, options) for scene, output in zip(options.scenes, _outputs(options), strict=True)
+    ]
     failed = sum("error" in entry for entry in files)
     if options.report:
         report = {
@@ -102,14 +123,13 @@ def main(arguments: list[str]) -> int:
             with _written_whole(options.report) as part:
                 part.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
         except OSError as error:
-            _complain(f"{options.report}: the report could not be written ({error}): choose a folder that exists")
+            _complain(f"{options.report}: the report could not be written ({error.strerror})")
             return FAILED
     return FAILED if failed else DONE
 
 
-def _bake_file(scene: Path, options: argparse.Namespace) -> dict:
+def _bake_file(scene: Path, output: Path, options: argparse.Namespace) -> dict:
     """Bake one file; never raises, so that the others are baked too. Returns its entry of the report."""
-    output = options.output or (options.output_dir / scene.name if options.output_dir else scene)
     say = _Terminal(scene, options.quiet)
     try:
         entry = _open_bake_save(scene, output, options, say)
@@ -132,14 +152,18 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
 
     began = time.perf_counter()
     if not scene.is_file():
-        raise ObscuranceError("no such file: check the path")
-    if not output.parent.is_dir():
-        raise ObscuranceError(f"the folder '{output.parent}' does not exist: create it first")
-    bpy.ops.wm.open_mainfile(filepath=str(scene.resolve()), load_ui=False)
+        raise ObscuranceError("this is a folder: name a .blend" if scene.is_dir() else "no such file: check the path")
+    if problem := _cannot_write(output):
+        raise ObscuranceError(problem)
+    with _blender_silent():
+        bpy.ops.wm.open_mainfile(filepath=str(scene.resolve()), load_ui=False)
     loaded = time.perf_counter()
     context = bpy.context
     group = context.scene.obscurance
-    settings, target = group.to_settings(**_estimator_changes(options)), group.to_output(**_output_changes(options))
+    changes = _estimator_changes(options)
+    if changes.get("distance") is not None:  # the options are in metres, the scene in its own units
+        changes["distance"] /= context.scene.unit_settings.scale_length
+    settings, target = group.to_settings(**changes), group.to_output(**_output_changes(options))
     guard = ObjectModeGuard(context)
     objects = _objects(context, options.objects)
     report = BakeJob(context, objects, settings, target).run(on_step=say.progress)
@@ -148,7 +172,8 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
     with _written_whole(output) as part:
         with scene.open("rb") as source:
             compress = source.read(7) != b"BLENDER"
-        bpy.ops.wm.save_as_mainfile(filepath=str(part), copy=True, compress=compress, check_existing=False)
+        with _blender_silent():
+            bpy.ops.wm.save_as_mainfile(filepath=str(part), copy=True, compress=compress, check_existing=False)
     say.end()
     say.line(f"{scene} -> {output}: {report.summary()}")
     traced = report.seconds["trace"]
@@ -192,13 +217,17 @@ def _estimator_changes(options: argparse.Namespace) -> dict:
         "rays": options.rays,
         "ray_budget": options.ray_budget,
         "falloff": options.falloff,
-        "use_bleeding": False if options.no_bleeding else None,
+        "use_bleeding": options.bleeding,
         "sampler": options.sampler,
         "seed": options.seed,
         "threads": options.threads,
     }
     changes = {name: value for name, value in changes.items() if value is not None}
-    return changes | ({"distance": options.distance} if "distance" in options else {})
+    if options.rays is not None or options.ray_budget == 0:
+        changes["ray_budget"] = None  # a number of rays for each patch replaces a budget that the file may have
+    if "distance" in options:
+        changes["distance"] = options.distance
+    return changes
 
 
 def _output_changes(options: argparse.Namespace) -> dict:
@@ -208,7 +237,7 @@ def _output_changes(options: argparse.Namespace) -> dict:
         "attribute_name": options.attribute,
         "scale": options.scale,
         "shared_meshes": options.shared_meshes,
-        "corner_copy": False if options.no_corner_copy else None,
+        "corner_copy": options.corner_copy,
     }
     return {name: value for name, value in changes.items() if value is not None}
 
@@ -227,6 +256,32 @@ def _written_whole(target: Path) -> Iterator[Path]:
         part.replace(target)
     finally:
         part.unlink(missing_ok=True)
+
+
+def _cannot_write(path: Path) -> str | None:
+    """Why a file cannot be written, and the cure; None when it can, as far as one can tell before."""
+    if path.is_dir():
+        return f"'{path}' is a folder: name a file"
+    if not path.resolve().parent.is_dir():
+        return f"the folder '{path.parent}' does not exist: create it first"
+    if not os.access(path.resolve().parent, os.W_OK):
+        return f"the folder '{path.parent}' cannot be written to: change its permissions or choose another"
+    return None
+
+
+@contextmanager
+def _blender_silent() -> Iterator[None]:
+    """Keep Blender's own chatter about files off the terminal; errors come back as exceptions anyway."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
 
 
 class _Terminal:

@@ -39,11 +39,16 @@ class ObjectRange:
 
 @dataclass(frozen=True)
 class BakeArrays:
-    """What `core.bake.bake_obscurances` takes, and the ranges of its result."""
+    """What `core.bake.bake_obscurances` takes, and the ranges of its result.
+
+    `patch_reflectance` and `patch_emission`, (p, 3) float64, are area means over each patch: reflectance 0 .. 0.95, and
+    emitted radiant exitance in W/m^2.
+    """
 
     surfaces: Surfaces
     patches: Patches
     patch_reflectance: np.ndarray
+    patch_emission: np.ndarray
     neighbours: tuple[np.ndarray, np.ndarray]
     ranges: list[ObjectRange]
     warnings: list[str]
@@ -65,7 +70,13 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target) -> BakeArrays:
             "can be traced: hide distant instances from renders"
         )
     warnings: list[str] = []
-    worlds = [_World.of(ob) for ob in objects]
+    shaded: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray]] = {}  # instances that look the same are shaded once
+    worlds = []
+    for ob in objects:
+        key = (id(ob.mesh), id(ob.surface), *map(id, ob.shadings))
+        if key not in shaded:
+            shaded[key] = _shade(ob)
+        worlds.append(_World.of(ob, shaded[key]))
     parts = [_patch_part(baked, world, target) for baked, world in zip(snapshot.baked, worlds, strict=False)]
     for ob, world in zip(objects, worlds, strict=True):
         broken = np.count_nonzero(~np.isfinite(world.vertices).all(1))
@@ -85,6 +96,7 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target) -> BakeArrays:
             np.concatenate([part.ids for part in parts]),
         ),
         patch_reflectance=np.concatenate([part.reflectance for part in parts]),
+        patch_emission=np.concatenate([part.emission for part in parts]),
         neighbours=(
             np.concatenate([part.element_patch_of_node + first for part, first in zip(parts, starts, strict=False)]),
             np.concatenate([part.node + first for part, first in zip(parts, node_starts, strict=False)]),
@@ -106,18 +118,24 @@ class _World:
     triangles: np.ndarray  # (t, 3) vertex indices
     reflectance: np.ndarray  # (f, 3) float32
 
+    emission: np.ndarray  # (f, 3) float32
+
     @classmethod
-    def of(cls, ob: ObjectSnapshot) -> _World:
+    def of(cls, ob: ObjectSnapshot, shading: tuple[np.ndarray, np.ndarray]) -> _World:
         mesh = ob.mesh
         with np.errstate(invalid="ignore", over="ignore"):
             vertices = mesh.positions @ ob.matrix[:3, :3].T + ob.matrix[:3, 3]
         corners = mesh.triangle_corners
         if np.linalg.det(ob.matrix[:3, :3]) < 0.0:
             corners = corners[:, ::-1]
-        slots = len(ob.shadings) - 1  # the last shading stands for faces without material
-        slot = np.where(mesh.face_material < slots, mesh.face_material, slots)
-        reflectance, _emission = shade_faces(ob.shadings, slot, ob.surface)
-        return cls(vertices, corners, mesh.corner_vertex[corners], reflectance)
+        return cls(vertices, corners, mesh.corner_vertex[corners], *shading)
+
+
+def _shade(ob: ObjectSnapshot) -> tuple[np.ndarray, np.ndarray]:
+    """Reflectance and emission (f, 3) of the faces; the last shading stands for faces of objects without slots."""
+    slots = len(ob.shadings) - 1
+    slot = np.clip(ob.mesh.face_material, 0, max(slots - 1, 0))  # beyond the slots the last one counts, as in Cycles
+    return shade_faces(ob.shadings, slot, ob.surface)
 
 
 def _join_surfaces(objects: list[ObjectSnapshot], worlds: list[_World]) -> Surfaces:
@@ -149,6 +167,7 @@ class _PatchPart:
     patch: np.ndarray
     ids: np.ndarray
     reflectance: np.ndarray
+    emission: np.ndarray
     element_patch: np.ndarray
     element_patch_of_node: np.ndarray
     node: np.ndarray
@@ -178,15 +197,18 @@ def _patch_part(baked: BakedObject, world: _World, target: Target) -> _PatchPart
         cells, element, source_face = cells[order], element[order], source_face[order]
     area = triangle_areas(cells)
     area[~np.isfinite(area)] = 0.0
-    total = np.maximum(np.bincount(element, area, n_patches), np.finfo(float).tiny)
-    colour = world.reflectance[source_face]
-    reflectance = np.stack([np.bincount(element, area * colour[:, k], n_patches) for k in range(3)], -1)
+    total = np.maximum(np.bincount(element, area, n_patches), np.finfo(float).tiny)[:, None]
+    reflectance, emission = (
+        np.stack([np.bincount(element, area * column, n_patches) for column in per_face[source_face].T], -1) / total
+        for per_face in (world.reflectance, world.emission)
+    )
     name = np.uint32(zlib.crc32(baked.snapshot.name.encode()))
     return _PatchPart(
         cells=cells,
         patch=element,
         ids=hash32(np.arange(n_patches, dtype=np.uint32) ^ hash32(name)),
-        reflectance=reflectance / total[:, None],
+        reflectance=reflectance,
+        emission=emission,
         element_patch=element_patch,
         element_patch_of_node=linked,
         node=node,

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import bpy
+import numpy as np
 
 from ..core.bake import Monitor, Obscurances, bake_obscurances
 from ..core.errors import BakeCancelledError, ObscuranceError
@@ -96,9 +97,15 @@ class BakeJob:
         self._warnings: list[str] = []
         writable = _writable(objects, self._warnings)
         for ob in writable:
-            for name, _domain in output.layers():
+            for name, _domain in reversed(output.layers()):  # the name that the user chose comes last
                 color_attribute.check_name(ob, name)
-        self._snapshot = snapshot_scene(context, writable, needs_rest=output.target is not Target.FACE)
+        self._snapshot = snapshot_scene(
+            context,
+            writable,
+            needs_rest=output.target is not Target.FACE,
+            baked_layers=[name for name, _domain in output.layers()],
+        )
+        self._metres_per_unit = context.scene.unit_settings.scale_length
         self._warnings += self._snapshot.notes
         self._extract_seconds = time.perf_counter() - began
         self._monitor = _JobMonitor()
@@ -194,9 +201,23 @@ class BakeJob:
             seconds=seconds,
             r_ave=tuple(float(x) for x in result.r_ave),
             rmse=tuple(float(x) for x in rmse),
-            d_max=result.d_max,
-            warnings=self._warnings + arrays.warnings + result.warnings + notes,
+            d_max=result.d_max * self._metres_per_unit,
+            warnings=self._warnings + arrays.warnings + result.warnings + self._hidden_inside() + notes,
         )
+
+    def _hidden_inside(self) -> list[str]:
+        """Warnings for objects most of which has no value of its own."""
+        warnings = []
+        for baked, part in zip(self._snapshot.baked, self._arrays.ranges, strict=True):
+            valid = self._result.valid[part.first : part.end]
+            hidden = np.count_nonzero(~valid)
+            if 2 * hidden > len(valid):
+                warnings.append(
+                    f"object '{baked.snapshot.name}': {hidden:,} of {len(valid):,} patches lie inside of a closed "
+                    "solid or have no area, so they took their neighbours' value or white; if the solid is a room, "
+                    "flip its normals (Mesh > Normals > Flip)"
+                )
+        return warnings
 
 
 class _JobMonitor(Monitor):
@@ -259,7 +280,7 @@ def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[
         warnings.append(f"without faces, so nothing was baked onto: {', '.join(map(repr, empty))}")
     writable = [ob for ob in writable if len(ob.data.polygons)]
     if not writable:
-        raise ObscuranceError("; ".join(["there is nothing to bake: select at least one mesh object", *warnings]))
+        raise ObscuranceError("; ".join(["there is nothing to bake: no mesh object with faces", *warnings]))
     return writable
 
 

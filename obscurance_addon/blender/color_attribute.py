@@ -41,7 +41,8 @@ def check_name(ob: bpy.types.Object, name: str) -> None:
     if not name.strip():
         raise AttributeNameError("the attribute needs a name: enter one, for example 'Obscurance'")
     if len(name.encode()) > MAX_NAME_BYTES:
-        raise AttributeNameError(f"the attribute name '{name}' is too long: use at most {MAX_NAME_BYTES} bytes")
+        excess = len(name.encode()) - MAX_NAME_BYTES
+        raise AttributeNameError(f"the attribute name '{name}' is {excess} bytes too long: choose a shorter one")
     if name.startswith(".") or name in _BUILT_IN:
         raise AttributeNameError(f"the attribute name '{name}' is reserved by Blender: choose another one")
     for kind, taken in (("vertex group", ob.vertex_groups), ("UV map", ob.data.uv_layers)):

@@ -19,9 +19,9 @@ _FALLOFFS = (
     (Falloff.STEP, "Step", "Anything within the distance blocks fully: classical ambient occlusion, without bleeding"),
 )
 _TARGETS = (
-    (Target.FACE, "Faces", "One colour for each face, as a face attribute"),
-    (Target.CORNER, "Face Corners", "Smooth colours that break at sharp edges"),
-    (Target.POINT, "Vertices", "One colour for each vertex"),
+    (Target.FACE, "Faces", "One color for each face, as a face attribute"),
+    (Target.CORNER, "Face Corners", "Smooth colors that break at sharp edges"),
+    (Target.POINT, "Vertices", "One color for each vertex"),
 )
 _SCALES = (
     (Scale.WHITE, "White", "Open faces are white: a layer to multiply by"),
@@ -82,7 +82,7 @@ class ObscuranceSettings(bpy.types.PropertyGroup):
         name="Falloff", description="How the influence of a surface fades with its distance", items=_items(_FALLOFFS)
     )
     use_bleeding: BoolProperty(
-        name="Color Bleeding", description="Surfaces tint their surroundings with their own colour", default=True
+        name="Color Bleeding", description="Surfaces tint their surroundings with their own color", default=True
     )
     scale: EnumProperty(name="Scale", description="What value an open face gets", items=_items(_SCALES))
     sampler: EnumProperty(name="Sampler", description="Where rays start and go", items=_items(_SAMPLERS))
@@ -94,7 +94,7 @@ class ObscuranceSettings(bpy.types.PropertyGroup):
     )
     corner_copy: BoolProperty(
         name="Viewport Copy",
-        description="Also write the faces' colours to their corners, where viewport, painting and exporters see them",
+        description="Also write the faces' colors to their corners, where viewport, painting and exporters see them",
         default=True,
     )
     shared_meshes: EnumProperty(

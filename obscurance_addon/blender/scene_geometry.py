@@ -5,7 +5,7 @@ The snapshot holds no bpy object. It is taken in one go, so that nothing the use
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import bpy
@@ -50,7 +50,10 @@ class SceneSnapshot:
 
 
 def snapshot_scene(
-    context: bpy.types.Context, objects: Iterable[bpy.types.Object], needs_rest: bool = False
+    context: bpy.types.Context,
+    objects: Iterable[bpy.types.Object],
+    needs_rest: bool = False,
+    baked_layers: Sequence[str] = (),
 ) -> SceneSnapshot:
     """Read the objects to bake and everything that occludes them.
 
@@ -62,6 +65,8 @@ def snapshot_scene(
         Mesh objects in object mode, in the view layer, with a writable mesh.
     needs_rest : bool
         Carry vertex positions through modifiers too: needed for values per corner or vertex.
+    baked_layers : sequence of str
+        Colour attributes that the bake will write; materials that read them see white.
 
     Returns
     -------
@@ -76,7 +81,7 @@ def snapshot_scene(
     notes: list[str] = []
     with carried_indices(objects, needs_rest) as first_index:
         depsgraph = context.evaluated_depsgraph_get()
-        reader = _Reader(context, notes)
+        reader = _Reader(context, notes, baked_layers)
         wanted = {ob.session_uid: ob for ob in objects}
         found: dict[int, ObjectSnapshot] = {}
         occluders = []
@@ -91,7 +96,7 @@ def snapshot_scene(
                 occluders.append(snapshot)
         reader.note_hidden()
         baked = [
-            _baked_object(ob, found[ob.session_uid], first_index.get(ob.data.session_uid), notes)
+            _baked_object(ob, found[ob.session_uid], first_index.get(ob.data.session_uid), reader)
             for ob in objects
             if ob.session_uid in found
         ]
@@ -104,7 +109,7 @@ def snapshot_scene(
 
 
 def _baked_object(
-    ob: bpy.types.Object, snapshot: ObjectSnapshot, first_index: int | None, notes: list[str]
+    ob: bpy.types.Object, snapshot: ObjectSnapshot, first_index: int | None, reader: _Reader
 ) -> BakedObject:
     """Tie what is seen of an object to its unmodified mesh, whose face indices were carried from `first_index` on."""
     base = read_mesh(ob.data)
@@ -112,26 +117,27 @@ def _baked_object(
     if mesh.face_origin is None:
         base = mesh
     elif not mesh.face_origin.any():
-        notes.append(
+        reader.notes.append(
             f"object '{ob.name}': its modifiers keep no link to the faces they started from, so its unmodified mesh "
             "was baked; apply the modifiers to bake what they make"
         )
         base = mesh = replace(base, face_origin=None, rest=None)
-        snapshot = replace(snapshot, surface=read_surface(ob.data, snapshot.shadings))
+        snapshot = replace(snapshot, surface=read_surface(ob.data, snapshot.shadings, reader.baked_layers))
     return BakedObject(replace(snapshot, mesh=mesh), base, ob.session_uid)
 
 
 class _Reader:
     """Reads instances one by one; meshes, materials and images are read once however often they are used."""
 
-    def __init__(self, context: bpy.types.Context, notes: list[str]) -> None:
+    def __init__(self, context: bpy.types.Context, notes: list[str], baked_layers: Sequence[str]) -> None:
+        self.baked_layers = baked_layers
         self._scene = context.scene
         self._rendered = rendered_objects(context.view_layer.layer_collection)
         # The depsgraph also holds objects of collections whose eye is closed, so its word alone is not enough.
         self._visible = {
             ob.session_uid for ob in context.view_layer.objects if ob.visible_get(view_layer=context.view_layer)
         }
-        self._notes = notes
+        self.notes = notes
         self._members: dict[int, set[int]] = {}
         self._meshes: dict[int, MeshArrays] = {}
         self._surfaces: dict[tuple, SurfaceArrays] = {}
@@ -161,7 +167,7 @@ class _Reader:
                 self._meshes[key] = read_mesh(mesh)
             else:
                 mesh.calc_loop_triangles()
-            self._surfaces[surface_key] = read_surface(mesh, shadings)
+            self._surfaces[surface_key] = read_surface(mesh, shadings, self.baked_layers)
             ob.to_mesh_clear()
         matrix = np.array(instance.matrix_world, np.float64)
         return ObjectSnapshot(ob.name, self._meshes[key], matrix, shadings, self._surfaces[surface_key])
@@ -169,7 +175,7 @@ class _Reader:
     def _shading(self, material: bpy.types.Material | None) -> Shading:
         key = material.as_pointer() if material else 0
         if key not in self._materials:
-            self._materials[key] = snapshot_material(material, self._notes, self._images)
+            self._materials[key] = snapshot_material(material, self.notes, self._images)
         return self._materials[key]
 
     def _renders(self, ob: bpy.types.Object, owner: bpy.types.Object, is_instance: bool) -> bool:
@@ -201,9 +207,9 @@ class _Reader:
             elif ob.session_uid not in self._visible:
                 unseen.add(ob.name)
         if self._hidden:
-            self._notes.append(f"hidden from renders, so they do not occlude: {_names(self._hidden)}")
+            self.notes.append(f"hidden from renders, so they do not occlude: {_names(self._hidden)}")
         if unseen:
-            self._notes.append(f"hidden in the viewport, so they do not occlude although they render: {_names(unseen)}")
+            self.notes.append(f"hidden in the viewport, so they do not occlude although they render: {_names(unseen)}")
 
 
 def _names(names: Iterable[str], most: int = 12) -> str:

@@ -57,7 +57,7 @@ NO_TRIANGLES = SurfaceArrays(
 )
 
 
-def read_surface(mesh: bpy.types.Mesh, shadings: Sequence[Shading]) -> SurfaceArrays:
+def read_surface(mesh: bpy.types.Mesh, shadings: Sequence[Shading], baked_layers: Sequence[str] = ()) -> SurfaceArrays:
     """Read from an evaluated mesh what the shadings need. Main thread only.
 
     Parameters
@@ -65,6 +65,9 @@ def read_surface(mesh: bpy.types.Mesh, shadings: Sequence[Shading]) -> SurfaceAr
     mesh : bpy.types.Mesh
         With `calc_loop_triangles` already called, not in Edit Mode.
     shadings : sequence of Shading
+    baked_layers : sequence of str
+        Colour attributes that the bake writes. They read as white, there or not: what an earlier bake left in them must
+        not darken the next one.
 
     Returns
     -------
@@ -72,7 +75,7 @@ def read_surface(mesh: bpy.types.Mesh, shadings: Sequence[Shading]) -> SurfaceAr
         Without triangles if no shading varies over the mesh. Triangle areas are those of the mesh's own space.
     """
     active_uv = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
-    active_color = mesh.attributes.default_color_name
+    active_color = mesh.attributes.default_color_name or next(iter(baked_layers), "")  # the first layer becomes default
     uv_names = {name or active_uv for shading in shadings for name in shading.uv_maps()}
     color_names = {name or active_color for shading in shadings for name in shading.color_attributes()}
     if not uv_names and not color_names:
@@ -91,7 +94,11 @@ def read_surface(mesh: bpy.types.Mesh, shadings: Sequence[Shading]) -> SurfaceAr
         triangle_area=_triangle_areas(mesh, corner_vertex[corners]),
         corner_vertex=corner_vertex,
         uv={name: _read_uv(mesh, name) for name in uv_names if name in mesh.uv_layers},
-        color=dict(_read_colors(mesh, color_names)),
+        color=dict(_read_colors(mesh, color_names.difference(baked_layers)))
+        | {
+            name: ("FACE", np.ones((len(mesh.polygons), 3), np.float32))
+            for name in color_names.intersection(baked_layers)
+        },
         active_uv=active_uv,
         active_color=active_color,
     )

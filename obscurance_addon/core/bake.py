@@ -287,7 +287,7 @@ def _warnings(scene: TracedScene, d_max: float, scale: float) -> list[str]:
     if not blurred.any():
         return []
     return [
-        f"the distance of {d_max:g} m is too small for {np.count_nonzero(blurred)} faces that are far from the centre "
-        f"of the scene or very large: rays start up to {float(cells.offset.max()) * scale:.3g} m above them; use a "
+        f"the distance of {d_max:g} is too small for {np.count_nonzero(blurred)} patches that are far from the centre "
+        f"of the scene or very large: rays start up to {float(cells.offset.max()) * scale:.3g} above them; use a "
         "larger distance, or bake distant or huge objects apart"
     ]

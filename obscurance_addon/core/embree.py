@@ -38,19 +38,7 @@ class EmbreeIntersector:
     def __init__(
         self, vertices: np.ndarray, triangles: np.ndarray, progress: Callable[[int], None] | None = None
     ) -> None:
-        scene_type, mesh_type = _load_embreex()
-        self.embreex_scene = scene_type(robust=True)
-        vertices = np.ascontiguousarray(vertices, np.float32)
-        used, index = np.zeros(len(vertices), bool), np.empty(len(vertices), np.int32)
-        for first in range(0, len(triangles), _SLICE):
-            part = triangles[first : first + _SLICE]
-            used[:] = False
-            used[part] = True
-            kept = np.flatnonzero(used)
-            index[kept] = np.arange(len(kept), dtype=np.int32)
-            mesh_type(self.embreex_scene, vertices[kept], index[part])
-            if progress is not None:
-                progress(min(first + _SLICE, len(triangles)))
+        self.embreex_scene = fill_scene(vertices, triangles, progress)
         # The first query commits the scene (builds the hierarchy); that must happen before threads share it.
         ray = np.zeros((1, 3), np.float32)
         self.occluded(ray, ray + 1.0, np.zeros(1, np.float32))
@@ -64,6 +52,24 @@ class EmbreeIntersector:
 
     def occluded(self, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
         return self.embreex_scene.run(origins, directions, dists=limits, query="OCCLUDED") >= 0
+
+
+def fill_scene(vertices: np.ndarray, triangles: np.ndarray, progress: Callable[[int], None] | None = None) -> object:
+    """An embreex scene with these triangles, not yet committed; parameters as for `EmbreeIntersector`."""
+    scene_type, mesh_type = _load_embreex()
+    scene = scene_type(robust=True)
+    vertices = np.ascontiguousarray(vertices, np.float32)
+    used, index = np.zeros(len(vertices), bool), np.empty(len(vertices), np.int32)
+    for first in range(0, len(triangles), _SLICE):
+        part = triangles[first : first + _SLICE]
+        used[:] = False
+        used[part] = True
+        kept = np.flatnonzero(used)
+        index[kept] = np.arange(len(kept), dtype=np.int32)
+        mesh_type(scene, vertices[kept], index[part])
+        if progress is not None:
+            progress(min(first + _SLICE, len(triangles)))
+    return scene
 
 
 def _load_embreex() -> tuple[type, type]:

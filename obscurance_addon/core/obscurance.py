@@ -219,16 +219,16 @@ class _Caster:
     def recast_patches_inside_solids(self) -> None:
         """Cast without limit the rays of patches that may start inside of a solid farther than d_max from its walls.
 
-        Suspect are patches with a ray that was dropped, and patches whose rays met nothing at all but of which one
+        Suspect are patches with a ray that was dropped, and patches some of whose rays met nothing but of which one
         unlimited ray meets the inside of a solid.
         """
         if self.scene.limit == FAR:  # they had no limit
             return
         patch, n_patches = self.scene.cells.patch, len(self.scene.cells.area)
         suspect = np.bincount(patch, self.sums[_DROPPED], n_patches) > 0.0
-        met_nothing = np.bincount(patch, self.count - self.sums[_MISS], n_patches) == 0.0
+        has_misses = np.bincount(patch, self.sums[_MISS], n_patches) > 0.0
         first_cell = np.unique(patch, return_index=True)[1]
-        first_cell = first_cell[met_nothing[patch[first_cell]]]
+        first_cell = first_cell[has_misses[patch[first_cell]] & ~suspect[patch[first_cell]]]
         for at in range(0, len(first_cell), self.block_rays):
             probes = first_cell[at : at + self.block_rays]
             suspect[patch[probes[self._probe(probes)]]] = True

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import enum
+import numbers
+import operator
 import os
 from dataclasses import dataclass
 
@@ -12,6 +14,8 @@ from .falloff import Falloff
 AUTO_DISTANCE_FRACTION = 0.2  # of the bounding box diagonal; see docs/theory.md, "The reach d_max"
 MIN_RAYS_PER_PATCH = 16  # floor when a ray budget is shared out by area: small patches must not starve
 MAX_RAYS_PER_PATCH = 1 << 24
+
+_LABELS = {"rays": "rays per patch", "ray_budget": "ray budget", "seed": "seed", "threads": "threads"}
 
 
 class Sampler(enum.StrEnum):
@@ -63,11 +67,16 @@ class BakeSettings:
     def __post_init__(self) -> None:
         object.__setattr__(self, "falloff", _member(Falloff, self.falloff, "falloff"))
         object.__setattr__(self, "sampler", _member(Sampler, self.sampler, "sampler"))
-        _check_int("rays per patch", self.rays, 1, MAX_RAYS_PER_PATCH)
-        if self.ray_budget is not None:
-            _check_int("ray budget", self.ray_budget, 1, 1 << 62)
-        _check_int("seed", self.seed, 0, 2**32 - 1)
-        _check_int("threads", self.threads, 0, 1024)
+        for name, low, high in (
+            ("rays", 1, MAX_RAYS_PER_PATCH),
+            ("ray_budget", 1, 1 << 62),
+            ("seed", 0, 2**32 - 1),
+            ("threads", 0, 1024),
+        ):
+            if name != "ray_budget" or self.ray_budget is not None:
+                object.__setattr__(self, name, _whole(_LABELS[name], getattr(self, name), low, high))
+        if self.distance is not None and not isinstance(self.distance, numbers.Real):
+            raise SettingsError(f"distance must be a number, not {self.distance!r}")
         if self.distance is not None and not self.distance > 0.0:
             raise SettingsError(
                 f"distance is {self.distance:g} m, but rays need a length: give a distance above 0, or use the "
@@ -94,8 +103,13 @@ def _member(kind: type[enum.Enum], value: object, name: str) -> enum.Enum:
         raise SettingsError(f"{name} {value!r} is unknown: choose one of {choices}") from None
 
 
-def _check_int(name: str, value: object, low: int, high: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int):
+def _whole(name: str, value: object, low: int, high: int) -> int:
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise SettingsError(f"{name} must be a whole number, not {value!r}") from None
+    if isinstance(value, bool):
         raise SettingsError(f"{name} must be a whole number, not {value!r}")
-    if not low <= value <= high:
-        raise SettingsError(f"{name} is {value}, allowed are {low} to {high}")
+    if not low <= number <= high:
+        raise SettingsError(f"{name} is {number}, allowed are {low} to {high}")
+    return number

@@ -19,16 +19,21 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
     bl_label = "Bake Obscurances"
     bl_options = {"REGISTER", "UNDO"}
 
+    _running = False  # on the class: a second bake would find the scene in the middle of the first one
+
     _job: BakeJob | None = None
     _guard: ObjectModeGuard | None = None
     _timer: bpy.types.Timer | None = None
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if any(ob.type == "MESH" for ob in context.selected_objects):
-            return True
-        cls.poll_message_set("Select at least one mesh object to bake")
-        return False
+        if OBSCURANCE_OT_bake._running:
+            cls.poll_message_set("A bake is running; press Esc to cancel it")
+            return False
+        if not any(ob.type == "MESH" for ob in context.selected_objects):
+            cls.poll_message_set("Select at least one mesh object to bake")
+            return False
+        return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake to the end before returning, for scripts and background mode."""
@@ -51,9 +56,13 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
         try:
             self._job = self._start(context)
         except ObscuranceError as error:
-            self._guard.restore(context)
+            self._finish(context)
             self.report({"ERROR"}, _sentence(str(error)))
             return {"CANCELLED"}
+        except BaseException:
+            self._finish(context)
+            raise
+        OBSCURANCE_OT_bake._running = True
         manager = context.window_manager
         manager.progress_begin(0.0, 100.0)
         self._timer = manager.event_timer_add(_TICK_S, window=context.window)
@@ -71,7 +80,11 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
             if not self._job.step(_POLL_S):
                 self._show_progress(context)
                 return {"PASS_THROUGH"}
-            report = self._job.commit()
+            guard = ObjectModeGuard(context)  # the user may have changed the mode meanwhile
+            try:
+                report = self._job.commit()
+            finally:
+                guard.restore(context)
         except BakeCancelledError:
             self._finish(context)
             return {"CANCELLED"}
@@ -107,10 +120,12 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             context.window_manager.progress_end()
-            context.workspace.status_text_set(None)
+            for workspace in bpy.data.workspaces:  # the user may have switched between them
+                workspace.status_text_set(None)
         if self._guard is not None:
             self._guard.restore(context)
         self._timer = self._guard = self._job = None
+        OBSCURANCE_OT_bake._running = False
 
     def _tell(self, report: BakeReport) -> None:
         for warning in report.warnings:

@@ -206,8 +206,8 @@ def test_names_up_to_the_limit_work_and_longer_ones_are_refused():
     longest = "ä" * (MAX_NAME_BYTES // 2)
     bake(ob, attribute_name=longest, corner_copy=False)
     assert kinds(ob) == {longest: ("FLOAT_COLOR", "FACE")}
-    refuses("too long", str(MAX_NAME_BYTES), attribute_name=longest + "a", corner_copy=False)
-    refuses("too long", str(MAX_NAME_BYTES), attribute_name=longest, corner_copy=True)
+    refuses("1 bytes too long", attribute_name=longest + "a", corner_copy=False)
+    refuses("6 bytes too long", attribute_name=longest, corner_copy=True)
 
 
 def test_a_layer_called_like_the_one_in_the_making_is_not_touched():

@@ -11,12 +11,15 @@ from obscurance_addon.core.errors import BakeCancelledError, ObscuranceError
 from tests.blender.helpers import (
     CORNER_LAYER,
     FACE_LAYER,
+    arrays,
     bake,
     baked,
     colors,
     cube,
     file_state,
+    floor,
     job,
+    material,
     select,
     sheet,
 )
@@ -276,3 +279,62 @@ def test_a_name_taken_meanwhile_is_an_error():
     with pytest.raises(Exception, match="UV map named 'Obscurance'"):
         running.commit()
     assert file_state() == before
+
+
+def multiplied_by_layer(name: str) -> bpy.types.Material:
+    """A grey diffuse material times a colour attribute, as the README tells to use the result."""
+    made = material("Multiplied", (0.5, 0.5, 0.5))
+    tree = made.node_tree
+    tree.nodes.clear()
+    attribute = tree.nodes.new("ShaderNodeAttribute")
+    attribute.attribute_name = name
+    multiply = tree.nodes.new("ShaderNodeMixRGB")
+    multiply.blend_type = "MULTIPLY"
+    multiply.inputs[0].default_value = 1.0
+    multiply.inputs[1].default_value = (0.5, 0.5, 0.5, 1.0)
+    diffuse, output = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(attribute.outputs["Color"], multiply.inputs[2])
+    tree.links.new(multiply.outputs[0], diffuse.inputs["Color"])
+    tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
+    return made
+
+
+@pytest.mark.parametrize("layer", ["Obscurance", "Obscurance Color"])
+def test_materials_that_use_the_result_do_not_darken_the_next_bake(layer):
+    """Base colour times the layer that is being baked: the first, second and third bake give the same bits."""
+    ob, wall = corner(), bpy.data.objects["Wall"]
+    plain = bake(ob, wall).r_ave
+    for each in (ob, wall):
+        each.data.materials.clear()
+        each.data.materials.append(multiplied_by_layer(layer))
+    reports = [bake(ob, wall) for _ in range(3)]
+    assert all(report.r_ave == pytest.approx((0.5, 0.5, 0.5), abs=1e-6) for report in reports)
+    assert plain != reports[0].r_ave
+    values = colors(ob)
+    bake(ob, wall)
+    assert np.array_equal(colors(ob), values)
+
+
+def test_objects_hidden_inside_of_a_solid_are_named():
+    """A cube wholly inside of a larger one that faces outwards: a room modelled with its normals the wrong way."""
+    room, inside = cube("Room", half=2.0), cube("Inside", half=0.5)
+    warnings = bake(room, inside).warnings
+    (warning,) = [text for text in warnings if "closed solid" in text]
+    assert "'Inside': 6 of 6" in warning
+    assert "flip" in warning
+
+
+def test_emission_reaches_the_patches():
+    """Area means in W/m^2: radiance 3 of a lit floor is an exitance of 3 pi on each of its faces."""
+    ob = floor(n=2)
+    made = material("Lit", (0.5, 0.5, 0.5))
+    made.node_tree.nodes.clear()
+    emission, output = (made.node_tree.nodes.new(kind) for kind in ("ShaderNodeEmission", "ShaderNodeOutputMaterial"))
+    emission.inputs["Strength"].default_value = 3.0
+    emission.inputs["Color"].default_value = (1.0, 0.5, 0.0, 1.0)
+    made.node_tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    ob.data.materials.clear()
+    ob.data.materials.append(made)
+    made = arrays(ob)
+    np.testing.assert_allclose(made.patch_emission, np.tile([3 * np.pi, 1.5 * np.pi, 0.0], (4, 1)), rtol=1e-6)
+    assert not made.patch_reflectance.any()

@@ -302,12 +302,50 @@ def test_the_report_is_json_for_an_endless_reach_too(scene, tmp_path):
     assert strict(report.read_text())["files"][0]["settings"]["distance"] == "inf"
 
 
-def test_a_report_that_cannot_be_written_is_a_failure(scene, tmp_path, capsys):
-    """The bake itself is done and saved; status and message tell of the report."""
-    report = tmp_path / "missing" / "report.json"
-    assert run(scene, "--report", report) == 1
-    assert str(report) in capsys.readouterr().err
-    assert FACE_LAYER in load(scene)["Floor"].data.attributes
+@pytest.mark.parametrize("name", ["missing/report.json", "folder"])
+def test_a_report_that_cannot_be_written_fails_before_anything_is_baked(scene, tmp_path, capsys, name):
+    """Nobody waits for a bake whose report is lost; the message names the path."""
+    (tmp_path / "folder").mkdir()
+    before = scene.read_bytes()
+    assert run(scene, "--report", tmp_path / name) == 1
+    assert str(tmp_path / name) in capsys.readouterr().err
+    assert scene.read_bytes() == before
+
+
+@pytest.mark.parametrize("output", [[], ["--output", "out.blend"]])
+def test_the_report_never_takes_the_place_of_a_scene(scene, tmp_path, monkeypatch, output):
+    """Naming the scene, or what is written, as the report is wrong usage."""
+    monkeypatch.chdir(tmp_path)
+    before = scene.read_bytes()
+    with pytest.raises(SystemExit) as stop:
+        run(scene, *output, "--report", output[-1] if output else scene)
+    assert stop.value.code == 2
+    assert scene.read_bytes() == before
+
+
+def test_rays_given_replace_a_budget_of_the_file(scene, tmp_path):
+    """A budget saved in the file does not silently win over --rays."""
+    load(scene)
+    bpy.context.scene.obscurance.ray_budget = 64
+    save(scene)
+    report = tmp_path / "report.json"
+    assert run(scene, "--rays", "32", "--report", report) == 0
+    (entry,) = json.loads(report.read_text())["files"]
+    assert (entry["settings"]["rays"], entry["settings"]["ray_budget"]) == (32, None)
+    assert entry["rays"] == 2 * 32 * entry["patches"]
+
+
+def test_metres_are_metres_at_any_unit_scale(scene, tmp_path):
+    """In a scene of centimetres, a reach of 0.02 m is two units, and the report says metres again."""
+    report = tmp_path / "report.json"
+    assert run(scene, "--distance", "2", "--output", tmp_path / "metres.blend") == 0
+    expected = colors(load(tmp_path / "metres.blend")["Floor"])
+    load(scene)
+    bpy.context.scene.unit_settings.scale_length = 0.01
+    save(scene)
+    assert run(scene, "--distance", "0.02", "--report", report) == 0
+    assert json.loads(report.read_text())["files"][0]["settings"]["distance"] == pytest.approx(0.02)
+    np.testing.assert_array_equal(colors(load(scene)["Floor"]), expected)
 
 
 # ----------------------------------------------------------------------------------------------------------- terminal
@@ -375,7 +413,7 @@ def absent(path):
 
 def a_folder(path):
     path.mkdir()
-    return path, ["no such file"]
+    return path, ["is a folder", "name a .blend"]
 
 
 @pytest.mark.parametrize(
@@ -443,7 +481,7 @@ def test_a_folder_that_is_not_there_is_named(scene, tmp_path, capsys):
         (["--distance", "0"], "give a distance above 0"),
         (["--distance", "-1"], "give a distance above 0"),
         (["--distance", "nan"], "give a distance above 0"),
-        (["--distance", "far"], "invalid"),
+        (["--distance", "far"], "neither a number of metres nor 'auto'"),
         (["--rays", "0"], "rays per patch is 0"),
         (["--rays", "many"], "invalid int value"),
         (["--seed", "-1"], "seed is -1"),

@@ -22,6 +22,7 @@ from tests.blender.helpers import (
     floor,
     job,
     layer_collection,
+    material,
     new_collection,
     new_object,
     notes_about,
@@ -427,7 +428,7 @@ def test_objects_whose_modifiers_remove_every_face_are_named():
 
 def test_nothing_given_fails():
     """No object at all."""
-    with pytest.raises(ObscuranceError, match="nothing to bake: select at least one mesh object"):
+    with pytest.raises(ObscuranceError, match="nothing to bake: no mesh object with faces"):
         job()
 
 
@@ -447,6 +448,14 @@ def test_faces_that_name_slots_which_are_not_there_have_the_default_material():
     ob.data.polygons[0].material_index = 3
     assert ob.material_slots.keys() == []
     assert bake(ob).r_ave == pytest.approx((0.8, 0.8, 0.8))
+
+
+def test_faces_that_name_a_slot_beyond_the_last_have_the_last_material():
+    """As Cycles renders them."""
+    ob = floor(color=(0.5, 0.1, 0.1))
+    ob.data.materials.append(material("Green", (0.1, 0.6, 0.1)))
+    ob.data.polygons[0].material_index = 7
+    assert bake(ob).r_ave == pytest.approx((0.1, 0.6, 0.1))
 
 
 @pytest.mark.parametrize("target", ["FACE", "CORNER", "POINT"])

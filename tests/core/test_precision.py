@@ -109,7 +109,7 @@ def test_small_parts_of_a_large_scene_are_warned_of():
     # Both ends are 500 m from the middle: rays start 5 mm above them.
     assert not s.bake(BakeSettings(distance=5.1)).warnings
     (warning,) = s.bake(BakeSettings(distance=4.9)).warnings
-    assert "13 faces" in warning
+    assert "13 patches" in warning
 
 
 def test_a_detailed_part_in_the_middle_of_a_large_scene_is_exact():

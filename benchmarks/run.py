@@ -1,6 +1,6 @@
 """Runs all benchmarks and writes raw results and the table.
 
-    python benchmarks/run.py [--only NAME ...] [--repeats N]
+    python benchmarks/run.py [--only NAME ...] [--table] [--repeats N]
 
 Raw JSON goes to benchmarks/results/, the table to benchmarks/README.md; --only renews those parts and keeps the others.
 Times are of one shared machine: read the ratios, which compare things measured side by side in one run.
@@ -28,14 +28,15 @@ def main() -> None:
     """Run each benchmark in a process of its own, then write the table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES)
-    parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("--table", action="store_true", help="only make the table anew from the results")
+    parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--worker", nargs="+", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.worker:
         _work(*options.worker, repeats=options.repeats)
         return
     RESULTS.mkdir(exist_ok=True)
-    for name in options.only:
+    for name in () if options.table else options.only:
         print(f"{name} ...", flush=True)
         if name == "scaling":
             results = [_in_process(name, options.repeats, str(size)) for size in SCALING_SIZES]

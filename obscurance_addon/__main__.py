@@ -6,16 +6,16 @@ import traceback
 
 
 def _run() -> int:
-    from . import batch
+    from .arguments import parse
 
     arguments = sys.argv[1:]
-    batch.parse(arguments)  # help and wrong usage answer at once, without loading Blender
+    parse(arguments)  # help and wrong usage answer at once, without loading Blender
     try:
         import bpy  # noqa: F401
     except ImportError as error:
         print(f"obscurance: the bpy module does not load ({error}): pip install bpy==4.5.15", file=sys.stderr)
         return 1
-    from . import register
+    from . import batch, register
 
     register()
     return batch.main(arguments)

@@ -19,74 +19,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .core.errors import ObscuranceError, SettingsError
-from .core.falloff import Falloff
-from .core.settings import BakeSettings, Sampler
+from .arguments import estimator_changes, output_changes, outputs, parse
+from .core.errors import ObscuranceError
 from .version import version
 
 DONE, FAILED = 0, 1
-
-
-def parse(arguments: list[str]) -> argparse.Namespace:
-    """Parse and check arguments; leaves with exit status 2 when they make no sense."""
-    parser = argparse.ArgumentParser(prog="obscurance", description="Bake obscurances into .blend files.")
-    parser.add_argument("--version", action="version", version=version())
-    commands = parser.add_subparsers(dest="command", required=True)
-    bake = commands.add_parser("bake", help="bake obscurances into color attributes")
-    bake.add_argument("scenes", nargs="+", type=Path, metavar="SCENE.blend")
-    where = bake.add_mutually_exclusive_group()
-    where.add_argument("--output", type=Path, metavar="OUT.blend", help="file to write (default: in place)")
-    where.add_argument("--output-dir", type=Path, metavar="DIR", help="folder to write files of the same names to")
-    bake.add_argument("--objects", nargs="+", metavar="NAME", help="objects to bake (default: all that render)")
-    bake.add_argument("--target", choices=["FACE", "CORNER", "POINT"])
-    bake.add_argument("--attribute", metavar="NAME", help="name of the attribute (default: Obscurance)")
-    bake.add_argument(
-        "--corner-copy", action=argparse.BooleanOptionalAction, help="with target FACE, also write face corners or not"
-    )
-    fineness = bake.add_mutually_exclusive_group()
-    fineness.add_argument("--rays", type=int, metavar="N", help="rays per patch")
-    fineness.add_argument("--ray-budget", type=int, metavar="N", help="total number of rays, shared out by area")
-    bake.add_argument(
-        "--distance", type=_distance, metavar="METRES|auto", help="reach of the rays", default=argparse.SUPPRESS
-    )
-    bake.add_argument("--falloff", choices=[f.value for f in Falloff])
-    bake.add_argument("--bleeding", action=argparse.BooleanOptionalAction, help="tint by the surroundings or not")
-    bake.add_argument("--scale", choices=["WHITE", "PAPER"])
-    bake.add_argument("--shared-meshes", choices=["SEPARATE", "AVERAGE"])
-    bake.add_argument("--sampler", choices=[s.value for s in Sampler])
-    bake.add_argument("--seed", type=int, metavar="N")
-    bake.add_argument("--threads", type=int, metavar="N", help="0 for all processors")
-    bake.add_argument("--report", type=Path, metavar="FILE.json", help="write what was done as JSON")
-    bake.add_argument("--quiet", action="store_true", help="print errors only")
-    options = parser.parse_args(arguments)
-    if options.output and len(options.scenes) > 1:
-        bake.error("--output takes one scene: give --output-dir for several")
-    names = [scene.name for scene in options.scenes]
-    if options.output_dir and len(set(names)) < len(names):
-        bake.error("two scenes have the same file name, so --output-dir would write one over the other")
-    outputs = {path.resolve() for path in _outputs(options)}
-    if options.report and options.report.resolve() in outputs.union(scene.resolve() for scene in options.scenes):
-        bake.error("--report names a .blend that is read or written: give the report a name of its own")
-    try:
-        BakeSettings(**_estimator_changes(options))
-    except SettingsError as error:
-        bake.error(str(error))
-    return options
-
-
-def _outputs(options: argparse.Namespace) -> list[Path]:
-    """The file to write for each scene."""
-    if options.output:
-        return [options.output]
-    return [options.output_dir / scene.name if options.output_dir else scene for scene in options.scenes]
-
-
-def _distance(text: str) -> float | None:
-    """Metres, or None for automatic."""
-    try:
-        return None if text.lower() == "auto" else float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is neither a number of metres nor 'auto'") from None
 
 
 def main(arguments: list[str]) -> int:
@@ -107,9 +44,7 @@ def main(arguments: list[str]) -> int:
     if options.report and (problem := _cannot_write(options.report)):
         _complain(f"{options.report}: {problem}")
         return FAILED
-    files = [
-        _bake_file(scene, output, options) for scene, output in zip(options.scenes, _outputs(options), strict=True)
-    ]
+    files = [_bake_file(scene, output, options) for scene, output in zip(options.scenes, outputs(options), strict=True)]
     failed = sum("error" in entry for entry in files)
     if options.report:
         report = {
@@ -160,10 +95,10 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
     loaded = time.perf_counter()
     context = bpy.context
     group = context.scene.obscurance
-    changes = _estimator_changes(options)
+    changes = estimator_changes(options)
     if changes.get("distance") is not None:  # the options are in metres, the scene in its own units
         changes["distance"] /= context.scene.unit_settings.scale_length
-    settings, target = group.to_settings(**changes), group.to_output(**_output_changes(options))
+    settings, target = group.to_settings(**changes), group.to_output(**output_changes(options))
     guard = ObjectModeGuard(context)
     objects = _objects(context, options.objects)
     report = BakeJob(context, objects, settings, target).run(on_step=say.progress)
@@ -209,37 +144,6 @@ def _objects(context, names: list[str] | None) -> list:
     if missing:
         raise ObscuranceError(f"the view layer has no object named {', '.join(map(repr, missing))}: check --objects")
     return [context.view_layer.objects[name] for name in names]
-
-
-def _estimator_changes(options: argparse.Namespace) -> dict:
-    """Estimator settings given as options, by name."""
-    changes = {
-        "rays": options.rays,
-        "ray_budget": options.ray_budget,
-        "falloff": options.falloff,
-        "use_bleeding": options.bleeding,
-        "sampler": options.sampler,
-        "seed": options.seed,
-        "threads": options.threads,
-    }
-    changes = {name: value for name, value in changes.items() if value is not None}
-    if options.rays is not None or options.ray_budget == 0:
-        changes["ray_budget"] = None  # a number of rays for each patch replaces a budget that the file may have
-    if "distance" in options:
-        changes["distance"] = options.distance
-    return changes
-
-
-def _output_changes(options: argparse.Namespace) -> dict:
-    """Output settings given as options, by name."""
-    changes = {
-        "target": options.target,
-        "attribute_name": options.attribute,
-        "scale": options.scale,
-        "shared_meshes": options.shared_meshes,
-        "corner_copy": options.corner_copy,
-    }
-    return {name: value for name, value in changes.items() if value is not None}
 
 
 @contextmanager

@@ -5,6 +5,7 @@ Expressions are immutable and may be evaluated in any thread.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -22,7 +23,7 @@ PARTS_PER_TEXEL = 4.0
 ATTRIBUTE_PARTS = 4
 
 
-class Expression:
+class Expression(ABC):
     """A colour (last axis 3) or grey (last axis 1) value, constant or varying over a face."""
 
     def operands(self) -> tuple[Expression, ...]:
@@ -33,9 +34,9 @@ class Expression:
         """How many parts along their edges the triangles need, (t,) int or one for all; 0: constant."""
         return 0
 
+    @abstractmethod
     def compute(self, points: TrianglePoints | None) -> np.ndarray:
         """Values that broadcast to (t, n * n, 3) float32; `points` is None for constants."""
-        raise NotImplementedError
 
     def at(self, points: TrianglePoints | None) -> np.ndarray:
         """As `compute`, once per expression and set of points."""

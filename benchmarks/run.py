@@ -21,7 +21,8 @@ import table
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results"
 SCALING_SIZES = (10_000, 31_684, 100_489, 315_844, 1_000_000)  # faces of square grids, half a decade apart
-NAMES = ("trace_rate", "whole_bake", "scaling", "cycles_ao")
+STREAMS_FACES, STREAMS_RAYS = 31_684, (16, 64, 1024, 4096)
+NAMES = ("trace_rate", "whole_bake", "scaling", "streams", "cycles_ao")
 
 
 def main() -> None:
@@ -39,7 +40,10 @@ def main() -> None:
     for name in () if options.table else options.only:
         print(f"{name} ...", flush=True)
         if name == "scaling":
-            results = [_in_process(name, options.repeats, str(size)) for size in SCALING_SIZES]
+            results = [_in_process(name, options.repeats, str(size), "64") for size in SCALING_SIZES]
+        elif name == "streams":
+            faces = str(STREAMS_FACES)
+            results = [_in_process("scaling", options.repeats, faces, str(rays)) for rays in STREAMS_RAYS]
         else:
             results = _in_process(name, options.repeats)
         record = {"machine": _machine(), "results": results}

@@ -25,6 +25,7 @@ def text(results: Path) -> str:
         "trace_rate": _trace_rate,
         "whole_bake": _whole_bake,
         "scaling": _scaling,
+        "streams": _streams,
         "cycles_ao": _cycles_ao,
     }
     parts = [_HEAD]
@@ -116,6 +117,13 @@ def _scaling(results: list[dict]) -> str:
         "## Growth with the scene\n\nA bumpy terrain whose rays meet the same surroundings at every size: 64 rays a "
         f"face, distance four faces. Time against faces on log-log axes has slope {slope} (aim: at most 1.12).\n\n"
         + _table(["faces", "bake, µs/face", "of it trace", "memory, bytes/face", "peak of the process, GiB"], rows)
+    )
+
+
+def _streams(results: list[dict]) -> str:
+    rows = [[f"{r['rays_per_face']:,}", f"{r['rays']:,}", f"{r['peak_bytes'] / 2**20:,.0f}"] for r in results]
+    return f"## Memory beside the number of rays\n\nThe same terrain with {results[0]['faces']:,} faces.\n\n" + _table(
+        ["rays a face", "rays", "peak of the process, MiB"], rows
     )
 
 

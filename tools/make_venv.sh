@@ -1,5 +1,5 @@
 #!/bin/sh
-# Makes a virtual environment with the bpy module, the two native libraries and the development tools.
+# Makes a virtual environment with the bpy module, embreex and the development tools.
 # Environment: PYTHON (python3.11), VENV (.venv), BPY (4.5.15).
 set -eu
 PYTHON="${PYTHON:-python3.11}"

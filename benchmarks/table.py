@@ -12,7 +12,7 @@ _HEAD = """# Benchmarks
 
     make bench
 
-runs everything here in about six minutes, writes raw results to `results/` and this page. Nothing on it is
+runs everything here in about five minutes, writes raw results to `results/` and this page. Nothing on it is
 typed by hand: edit `table.py`. The machine is small and shared, so only ratios of things measured side by side in one
 run mean anything; medians are given.
 

@@ -23,7 +23,9 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     where.add_argument("--output-dir", type=Path, metavar="DIR", help="folder to write files of the same names to")
     bake.add_argument("--objects", nargs="+", metavar="NAME", help="objects to bake (default: all that render)")
     bake.add_argument("--target", choices=["FACE", "CORNER", "POINT"])
-    bake.add_argument("--attribute", metavar="NAME", help="name of the attribute (default: Obscurance)")
+    bake.add_argument(
+        "--attribute", dest="attribute_name", metavar="NAME", help="name of the attribute (default: Obscurance)"
+    )
     bake.add_argument(
         "--corner-copy", action=argparse.BooleanOptionalAction, help="with target FACE, also write face corners or not"
     )
@@ -34,7 +36,9 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         "--distance", type=_distance, metavar="METRES|auto", help="reach of the rays", default=argparse.SUPPRESS
     )
     bake.add_argument("--falloff", choices=[f.value for f in Falloff])
-    bake.add_argument("--bleeding", action=argparse.BooleanOptionalAction, help="tint by the surroundings or not")
+    bake.add_argument(
+        "--bleeding", dest="use_bleeding", action=argparse.BooleanOptionalAction, help="tint by the surroundings or not"
+    )
     bake.add_argument("--scale", choices=["WHITE", "PAPER"])
     bake.add_argument("--shared-meshes", choices=["SEPARATE", "AVERAGE"])
     bake.add_argument("--sampler", choices=[s.value for s in Sampler])
@@ -75,16 +79,7 @@ def _distance(text: str) -> float | None:
 
 def estimator_changes(options: argparse.Namespace) -> dict:
     """Estimator settings given as options, by name."""
-    changes = {
-        "rays": options.rays,
-        "ray_budget": options.ray_budget,
-        "falloff": options.falloff,
-        "use_bleeding": options.bleeding,
-        "sampler": options.sampler,
-        "seed": options.seed,
-        "threads": options.threads,
-    }
-    changes = {name: value for name, value in changes.items() if value is not None}
+    changes = _given(options, "rays", "ray_budget", "falloff", "use_bleeding", "sampler", "seed", "threads")
     if options.rays is not None or options.ray_budget == 0:
         changes["ray_budget"] = None  # a number of rays for each patch replaces a budget that the file may have
     if "distance" in options:
@@ -94,11 +89,8 @@ def estimator_changes(options: argparse.Namespace) -> dict:
 
 def output_changes(options: argparse.Namespace) -> dict:
     """Output settings given as options, by name."""
-    changes = {
-        "target": options.target,
-        "attribute_name": options.attribute,
-        "scale": options.scale,
-        "shared_meshes": options.shared_meshes,
-        "corner_copy": options.corner_copy,
-    }
-    return {name: value for name, value in changes.items() if value is not None}
+    return _given(options, "target", "attribute_name", "scale", "shared_meshes", "corner_copy")
+
+
+def _given(options: argparse.Namespace, *names: str) -> dict:
+    return {name: getattr(options, name) for name in names if getattr(options, name) is not None}

@@ -117,7 +117,6 @@ class _World:
     triangle_corners: np.ndarray  # (t, 3), turned so that normals point outwards under mirroring transforms too
     triangles: np.ndarray  # (t, 3) vertex indices
     reflectance: np.ndarray  # (f, 3) float32
-
     emission: np.ndarray  # (f, 3) float32
 
     @classmethod

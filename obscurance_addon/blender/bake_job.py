@@ -20,13 +20,15 @@ import bpy
 import numpy as np
 
 from ..core.bake import Monitor, Obscurances, bake_obscurances
-from ..core.errors import BakeCancelledError, ObscuranceError
+from ..core.errors import BakeCancelledError, GeometryError, ObscuranceError
 from ..core.settings import BakeSettings
 from . import color_attribute
 from .bake_arrays import BakeArrays, prepare_arrays
 from .output_settings import OutputSettings, Scale, Target
 from .result_writer import write_values
 from .scene_geometry import snapshot_scene
+
+_NAMES_IN_ERRORS = 8
 
 
 @dataclass(frozen=True)
@@ -130,6 +132,9 @@ class BakeJob:
                 patch_reflectance=self._arrays.patch_reflectance,
                 monitor=self._monitor,
             )
+        except GeometryError as error:
+            names = ", ".join(f"'{baked.snapshot.name}'" for baked in self._snapshot.baked[:_NAMES_IN_ERRORS])
+            self._error = GeometryError(f"{names}: {error}")
         except BaseException as error:  # handed to the thread that steps the job
             self._error = error
 

@@ -95,7 +95,10 @@ class Normalisation:
         if half_diagonal == np.inf:
             raise GeometryError("the faces to bake span more than numbers can tell: a vertex is far astray")
         if not half_diagonal > 0.0:
-            raise GeometryError("the faces to bake have no extent: all their vertices coincide, or none is finite")
+            raise GeometryError(
+                "the faces to bake have no extent: all their vertices coincide, or none is finite; scale them up or "
+                "repair them"
+            )
         return cls(0.5 * (low + high), half_diagonal)
 
     def apply(self, points: np.ndarray) -> np.ndarray:

@@ -6,7 +6,8 @@ import bpy
 
 from ..blender.bake_job import BakeJob, BakeReport
 from ..blender.object_mode import ObjectModeGuard
-from ..core.errors import BakeCancelledError, ObscuranceError
+from ..blender.scene_geometry import SOLID_TYPES
+from ..core.errors import ObscuranceError
 
 _TICK_S = 0.05  # between looks at the job
 _POLL_S = 0.001  # what a look may wait
@@ -55,13 +56,8 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
         self._guard = ObjectModeGuard(context)
         try:
             self._job = self._start(context)
-        except ObscuranceError as error:
-            self._finish(context)
-            self.report({"ERROR"}, _sentence(str(error)))
-            return {"CANCELLED"}
-        except BaseException:
-            self._finish(context)
-            raise
+        except BaseException as error:
+            return self._fail(context, error)
         OBSCURANCE_OT_bake._running = True
         manager = context.window_manager
         manager.progress_begin(0.0, 100.0)
@@ -85,16 +81,8 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
                 report = self._job.commit()
             finally:
                 guard.restore(context)
-        except BakeCancelledError:
-            self._finish(context)
-            return {"CANCELLED"}
-        except ObscuranceError as error:
-            self._finish(context)
-            self.report({"ERROR"}, _sentence(str(error)))
-            return {"CANCELLED"}
-        except BaseException:
-            self._finish(context)
-            raise
+        except BaseException as error:
+            return self._fail(context, error)
         self._finish(context)
         self._tell(report)
         return {"FINISHED"}
@@ -107,7 +95,16 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
 
     def _start(self, context: bpy.types.Context) -> BakeJob:
         settings = context.scene.obscurance
-        return BakeJob(context, context.selected_objects, settings.to_settings(), settings.to_output())
+        surfaces = [ob for ob in context.selected_objects if ob.type in SOLID_TYPES]  # not lights, cameras and the like
+        return BakeJob(context, surfaces, settings.to_settings(), settings.to_output())
+
+    def _fail(self, context: bpy.types.Context, error: BaseException) -> set[str]:
+        """Take everything down after an error; one that is meant for the user is reported, any other raised."""
+        self._finish(context)
+        if not isinstance(error, ObscuranceError):
+            raise error
+        self.report({"ERROR"}, _sentence(str(error)))
+        return {"CANCELLED"}
 
     def _show_progress(self, context: bpy.types.Context) -> None:
         remaining = self._job.remaining

@@ -7,14 +7,19 @@ import bpy
 from .operators import OBSCURANCE_OT_bake
 
 
-class OBSCURANCE_PT_bake(bpy.types.Panel):
+class _Sidebar:
+    """Where both panels stand."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Obscurances"
+
+
+class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
     """Bake obscurances"""
 
     bl_label = "Obscurances"
     bl_idname = "OBSCURANCE_PT_bake"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Obscurances"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -53,14 +58,12 @@ class OBSCURANCE_PT_bake(bpy.types.Panel):
         layout.operator(OBSCURANCE_OT_bake.bl_idname, icon="RENDER_STILL")
 
 
-class OBSCURANCE_PT_sampling(bpy.types.Panel):
+class OBSCURANCE_PT_sampling(_Sidebar, bpy.types.Panel):
     """Settings that rarely need a change"""
 
     bl_label = "Sampling"
     bl_idname = "OBSCURANCE_PT_sampling"
     bl_parent_id = "OBSCURANCE_PT_bake"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from obscurance_addon.blender.result_writer import SceneChangedError
-from obscurance_addon.core.errors import BakeCancelledError, ObscuranceError
+from obscurance_addon.core.errors import BakeCancelledError, GeometryError, ObscuranceError
 from tests.blender.helpers import (
     CORNER_LAYER,
     FACE_LAYER,
@@ -338,3 +338,11 @@ def test_emission_reaches_the_patches():
     made = arrays(ob)
     np.testing.assert_allclose(made.patch_emission, np.tile([3 * np.pi, 1.5 * np.pi, 0.0], (4, 1)), rtol=1e-6)
     assert not made.patch_reflectance.any()
+
+
+def test_an_object_without_extent_is_named():
+    """Scaled to nothing: the message names it and the cure."""
+    ob = floor("Flat Out")
+    ob.scale = (0.0, 0.0, 0.0)
+    with pytest.raises(GeometryError, match=r"'Flat Out'.*no extent.*scale"):
+        bake(ob)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from obscurance_addon.blender.bake_job import BakeJob
+from obscurance_addon.ui import operators
 from tests.blender.helpers import CORNER_LAYER, FACE_LAYER, colors, cube, file_state, select, sheet
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
@@ -278,3 +279,24 @@ def test_unregistering_takes_everything_away_and_registering_brings_it_back(scen
         obscurance_addon.register()
     assert bpy.context.scene.obscurance.rays == 16
     assert bpy.ops.obscurance.bake() == {"FINISHED"}
+
+
+def test_only_what_has_a_surface_is_taken_from_the_selection(scene, monkeypatch):
+    """Selecting all is what artists do: a camera is passed over, while a curve goes on to be named in a warning."""
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    curve = bpy.data.objects.new("Curve", bpy.data.curves.new("Curve", "CURVE"))
+    for ob in (camera, curve):
+        bpy.context.scene.collection.objects.link(ob)
+        ob.select_set(True)
+    warnings = []
+
+    def job(*arguments):
+        made = BakeJob(*arguments)
+        warnings.extend(made._warnings)
+        return made
+
+    monkeypatch.setattr(operators, "BakeJob", job)
+    assert bpy.ops.obscurance.bake() == {"FINISHED"}
+    assert any("'Curve'" in warning for warning in warnings)
+    assert not any("Camera" in warning for warning in warnings)
+    assert FACE_LAYER in scene.data.attributes

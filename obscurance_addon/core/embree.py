@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from .errors import BackendError
+from .native_library import why_missing
 from .ray_casting import Hits
 
 _SLICE = 1 << 15  # triangles filled per call, about 20 ms under the interpreter lock
@@ -73,12 +74,9 @@ def fill_scene(vertices: np.ndarray, triangles: np.ndarray, progress: Callable[[
 
 
 def _load_embreex() -> tuple[type, type]:
-    try:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-    except ImportError as error:
-        raise BackendError(
-            f"the ray tracer embreex does not load ({error}): reinstall the extension for this platform and Python, or "
-            "run 'pip install embreex' for scripts"
-        ) from error
+    if missing := why_missing("embreex"):
+        raise BackendError(f"the ray tracer {missing}")
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
     return EmbreeScene, TriangleMesh

@@ -14,6 +14,7 @@ from .falloff import Falloff
 AUTO_DISTANCE_FRACTION = 0.2  # of the bounding box diagonal; see docs/theory.md, "The reach d_max"
 MIN_RAYS_PER_PATCH = 16  # floor when a ray budget is shared out by area: small patches must not starve
 MAX_RAYS_PER_PATCH = 1 << 24
+MAX_THREADS = 1024
 
 _LABELS = {"rays": "rays per patch", "ray_budget": "ray budget", "seed": "seed", "threads": "threads"}
 
@@ -71,7 +72,7 @@ class BakeSettings:
             ("rays", 1, MAX_RAYS_PER_PATCH),
             ("ray_budget", 1, 1 << 62),
             ("seed", 0, 2**32 - 1),
-            ("threads", 0, 1024),
+            ("threads", 0, MAX_THREADS),
         ):
             if name != "ray_budget" or self.ray_budget is not None:
                 object.__setattr__(self, name, _whole(_LABELS[name], getattr(self, name), low, high))

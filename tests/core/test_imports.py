@@ -33,7 +33,10 @@ def test_module_imports_without_blender_and_native_libraries(module):
 def test_a_missing_ray_tracer_is_named(monkeypatch):
     from obscurance_addon.core.embree import EmbreeIntersector
     from obscurance_addon.core.errors import BackendError
+    from obscurance_addon.core.native_library import why_missing
 
     monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
+    why_missing.cache_clear()
     with pytest.raises(BackendError, match="embreex"):
         EmbreeIntersector([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    why_missing.cache_clear()

@@ -1,13 +1,18 @@
 """Bakes obscurances with colour bleeding (Mendez, Sbert, Cata 2003) into meshes, as a Blender extension."""
 
+import sys
+
+for _name in [name for name in sys.modules if name.startswith(f"{__name__}.")]:
+    del sys.modules[_name]  # "Reload Scripts" runs this file again; without this, the rest would stay the old one
+
 _cli_command = None
 
 
 def _parts():
-    from .blender import properties
-    from .ui import operators, panels
+    from .blender import handlers, properties
+    from .ui import operators, panels, preferences, presets, result_operators
 
-    return properties, operators, panels
+    return properties, preferences, operators, result_operators, presets, panels, handlers
 
 
 def register():

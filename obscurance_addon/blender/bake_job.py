@@ -21,14 +21,18 @@ import numpy as np
 
 from ..core.bake import Monitor, Obscurances, bake_obscurances
 from ..core.errors import BakeCancelledError, GeometryError, ObscuranceError
+from ..core.intersector_cache import IntersectorCache
 from ..core.settings import BakeSettings
 from . import color_attribute
 from .bake_arrays import BakeArrays, prepare_arrays
 from .output_settings import OutputSettings, Scale, Target
 from .result_writer import write_values
 from .scene_geometry import snapshot_scene
+from .stored_preferences import cache_ceiling_bytes
 
-_NAMES_IN_ERRORS = 8
+_NAMES_IN_ERRORS, _NAMES_IN_SUMMARY = 8, 3
+
+TRACERS = IntersectorCache()  # while a user tries settings, the geometry stays
 
 
 @dataclass(frozen=True)
@@ -62,9 +66,8 @@ class BakeReport:
     def summary(self) -> str:
         """One line for the status bar or the terminal."""
         return (
-            f"Baked {self.patches:,} patches of {len(self.objects)} object{'s' * (len(self.objects) != 1)} with "
-            f"{self.rays:,} rays up to {self.d_max:.3g} m long in {sum(self.seconds.values()):.2f} s, "
-            f"estimated error {max(self.rmse):.2g}"
+            f"Baked {self.patches:,} patches of {_named(self.objects)} with {self.rays:,} rays up to "
+            f"{self.d_max:.3g} m long in {sum(self.seconds.values()):.2f} s, estimated error {max(self.rmse):.2g}"
         )
 
 
@@ -111,6 +114,7 @@ class BakeJob:
         self._warnings += self._snapshot.notes
         self._extract_seconds = time.perf_counter() - began
         self._monitor = _JobMonitor()
+        TRACERS.ceiling_bytes = cache_ceiling_bytes()
         self._arrays: BakeArrays | None = None
         self._result: Obscurances | None = None
         self._error: BaseException | None = None
@@ -131,6 +135,7 @@ class BakeJob:
                 neighbours=self._arrays.neighbours,
                 patch_reflectance=self._arrays.patch_reflectance,
                 monitor=self._monitor,
+                intersector=TRACERS,
             )
         except GeometryError as error:
             names = ", ".join(f"'{baked.snapshot.name}'" for baked in self._snapshot.baked[:_NAMES_IN_ERRORS])
@@ -263,6 +268,14 @@ class _JobMonitor(Monitor):
         return (time.perf_counter() - self._since) * max(self._total - self._done, 0) / self._done
 
 
+def _named(objects: list[str]) -> str:
+    """The first few names, and how many more there are."""
+    names = [repr(name) for name in objects[:_NAMES_IN_SUMMARY]]
+    if more := len(objects) - len(names):
+        names.append(f"{more} more")
+    return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
+
+
 def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[bpy.types.Object]:
     """Mesh objects whose mesh can be written; the others are named in a warning."""
     objects = list(objects)
@@ -273,13 +286,13 @@ def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[
     edited = [ob.name for ob in meshes if ob.data.is_editmode]
     if edited:
         raise ObscuranceError(f"in Edit Mode, where a mesh cannot be read: {', '.join(map(repr, edited))}; leave it")
-    linked = [ob.name for ob in meshes if not _keeps_what_is_written(ob.data)]
+    linked = [ob.name for ob in meshes if not color_attribute.keeps_what_is_written(ob.data)]
     if linked:
         warnings.append(
             f"linked from a library, so their mesh cannot be written: {', '.join(map(repr, linked))}; make the mesh "
             "local (Object > Relations > Make Local) to bake onto it"
         )
-    writable = [ob for ob in meshes if _keeps_what_is_written(ob.data)]
+    writable = [ob for ob in meshes if color_attribute.keeps_what_is_written(ob.data)]
     empty = [ob.name for ob in writable if not len(ob.data.polygons)]
     if empty:
         warnings.append(f"without faces, so nothing was baked onto: {', '.join(map(repr, empty))}")
@@ -287,8 +300,3 @@ def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[
     if not writable:
         raise ObscuranceError("; ".join(["there is nothing to bake: no mesh object with faces", *warnings]))
     return writable
-
-
-def _keeps_what_is_written(mesh: bpy.types.Mesh) -> bool:
-    """Whether attributes of a mesh reach the file: those of linked meshes and of library overrides do not."""
-    return mesh.library is None and mesh.override_library is None and mesh.is_editable

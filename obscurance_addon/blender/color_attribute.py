@@ -53,7 +53,7 @@ def check_name(ob: bpy.types.Object, name: str) -> None:
             )
 
 
-def prepare(mesh: bpy.types.Mesh, name: str, domain: str) -> str:
+def prepare(mesh: bpy.types.Mesh, name: str, domain: str, data_type: str = "FLOAT_COLOR") -> str:
     """Make room for a colour attribute and return the name of the layer to fill, a new one if need be.
 
     Nothing that exists is changed yet, so that a failure on another mesh can be undone by `discard`.
@@ -63,10 +63,10 @@ def prepare(mesh: bpy.types.Mesh, name: str, domain: str) -> str:
     AttributeNameError
         When Blender refuses the layer.
     """
-    if is_color(mesh, name, domain):
+    if is_color(mesh, name, domain, data_type):
         return name
     with _choices_kept(mesh):
-        made = mesh.attributes.new(name + _PENDING, "FLOAT_COLOR", domain)
+        made = mesh.attributes.new(name + _PENDING, data_type, domain)
         if made is None:
             raise AttributeNameError(f"mesh '{mesh.name}' takes no attribute named '{name}': choose another name")
         return made.name  # numbered when a layer of the user's has this name
@@ -135,7 +135,12 @@ def _choices_kept(mesh: bpy.types.Mesh) -> Iterator[None]:
             layers.active_index = index
 
 
-def is_color(mesh: bpy.types.Mesh, name: str, domain: str) -> bool:
-    """Whether the mesh has a floating point colour attribute of this name and domain."""
+def is_color(mesh: bpy.types.Mesh, name: str, domain: str, data_type: str = "FLOAT_COLOR") -> bool:
+    """Whether the mesh has a colour attribute of this name, domain and type."""
     attribute = mesh.attributes.get(name)
-    return attribute is not None and attribute.data_type == "FLOAT_COLOR" and attribute.domain == domain
+    return attribute is not None and attribute.data_type == data_type and attribute.domain == domain
+
+
+def keeps_what_is_written(mesh: bpy.types.Mesh) -> bool:
+    """Whether attributes of a mesh reach the file: those of linked meshes and of library overrides do not."""
+    return mesh.library is None and mesh.override_library is None and mesh.is_editable

@@ -3,42 +3,52 @@
 from __future__ import annotations
 
 import dataclasses
+import typing
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..core.falloff import Falloff
-from ..core.settings import MAX_RAYS_PER_PATCH, BakeSettings, Sampler
+from ..core.settings import MAX_RAYS_PER_PATCH, MAX_THREADS, BakeSettings, Sampler
 from .output_settings import OutputSettings, Scale, SharedMeshes, Target
+from .stored_preferences import preferred_threads
 
 _FALLOFFS = (
-    (Falloff.SQRT, "Square Root", "Rises fast near the surface and joins open space without an edge"),
-    (Falloff.CBRT, "Cube Root", "Rises fastest: only close contact darkens"),
-    (Falloff.LINEAR, "Linear", "Rises evenly with distance"),
-    (Falloff.EXPONENTIAL, "Exponential", "Between linear and square root, 1 at the distance"),
-    (Falloff.STEP, "Step", "Anything within the distance blocks fully: classical ambient occlusion, without bleeding"),
+    (Falloff.SQRT, "Square Root", "The influence fades fast near a surface and joins open space without an edge"),
+    (Falloff.CBRT, "Cube Root", "The influence fades fastest, so that only close contact darkens"),
+    (Falloff.LINEAR, "Linear", "The influence fades evenly with distance"),
+    (Falloff.EXPONENTIAL, "Exponential", "The influence fades between linear and square root"),
+    (
+        Falloff.STEP,
+        "Step",
+        "Anything within the distance blocks fully: this is classical ambient occlusion, without bleeding",
+    ),
 )
 _TARGETS = (
-    (Target.FACE, "Faces", "One color for each face, as a face attribute"),
-    (Target.CORNER, "Face Corners", "Smooth colors that break at sharp edges"),
-    (Target.POINT, "Vertices", "One color for each vertex"),
+    (Target.FACE, "Faces", "Each face gets one color, in a face attribute"),
+    (Target.CORNER, "Face Corners", "Colors vary smoothly over faces and break at sharp edges"),
+    (Target.POINT, "Vertices", "Each vertex gets one color, and colors vary smoothly over all edges"),
 )
 _SCALES = (
-    (Scale.WHITE, "White", "Open faces are white: a layer to multiply by"),
-    (Scale.PAPER, "Paper", "The obscurance itself, in which open faces have the scene's mean reflectance"),
+    (Scale.WHITE, "White", "Open faces are white, so that the layer can be multiplied with a material's color"),
+    (Scale.PAPER, "Paper", "Values are obscurances as published: open faces have the scene's mean reflectance"),
 )
 _SHARED = (
     (SharedMeshes.SEPARATE, "Separate", "Each object that shares a mesh gets a copy of its own"),
     (SharedMeshes.AVERAGE, "Average", "The mesh stays shared and takes the mean of its objects"),
 )
 _SAMPLERS = (
-    (Sampler.SOBOL, "Sobol", "Scrambled Sobol points: far less noise for the same rays"),
-    (Sampler.RANDOM, "Random", "Plain Monte Carlo, for comparison"),
+    (Sampler.SOBOL, "Sobol", "Rays follow scrambled Sobol points, which leave far less noise for the same number"),
+    (Sampler.RANDOM, "Random", "Rays are random, as a comparison"),
 )
 _DISTANCE_MODES = (
-    ("AUTO", "Automatic", "A fifth of the diagonal of the scene's bounding box"),
-    ("METRES", "Metres", "The distance given below"),
+    ("AUTO", "Automatic", "Rays reach a fifth of the diagonal of the scene's bounding box"),
+    ("METRES", "Metres", "Rays reach the distance given below"),
 )
+
+# What may change over time without a surprise. Where results go, and how they are computed, may not.
+_KEYABLE: set[str] = {"ANIMATABLE"}
+_FIXED: set[str] = set()
 
 _ESTIMATOR_NAMES = [field.name for field in dataclasses.fields(BakeSettings)]
 _OUTPUT_NAMES = [field.name for field in dataclasses.fields(OutputSettings)]
@@ -51,66 +61,130 @@ def _items(choices: tuple) -> list[tuple[str, str, str]]:
 class ObscuranceSettings(bpy.types.PropertyGroup):
     """Everything a bake needs to know, saved in the .blend."""
 
-    rays: IntProperty(
-        name="Rays",
-        description="Rays cast from each patch. More rays, less noise; powers of two use the samples best",
-        default=64,
-        min=1,
-        max=MAX_RAYS_PER_PATCH,
-        soft_max=4096,
-    )
-    ray_budget: IntProperty(
-        name="Ray Budget",
-        description="Total number of rays to share out over the patches by their area, at least 16 each. "
-        "0 gives every patch the number of rays above",
-        default=0,
-        min=0,
+    use_bleeding: BoolProperty(
+        name="Color Bleeding",
+        description="Surfaces tint their surroundings with their own color; without it the result is gray",
+        default=True,
+        options=_KEYABLE,
     )
     distance_mode: EnumProperty(
-        name="Distance Mode", description="How far surroundings have influence", items=_items(_DISTANCE_MODES)
+        name="Distance Mode",
+        description="Choose whether the reach of the rays follows from the size of the scene",
+        items=_items(_DISTANCE_MODES),
+        options=_KEYABLE,
     )
     distance: FloatProperty(
         name="Distance",
-        description="Surfaces farther away than this have no influence",
+        description="Surfaces farther away than this have no influence, in the scene's unit of length",
         default=1.0,
         min=0.0,
         soft_min=0.001,
         unit="LENGTH",
         subtype="DISTANCE",
+        options=_KEYABLE,
     )
     falloff: EnumProperty(
-        name="Falloff", description="How the influence of a surface fades with its distance", items=_items(_FALLOFFS)
+        name="Falloff",
+        description="Choose how the influence of a surface fades with its distance",
+        items=_items(_FALLOFFS),
+        options=_KEYABLE,
     )
-    use_bleeding: BoolProperty(
-        name="Color Bleeding", description="Surfaces tint their surroundings with their own color", default=True
+    rays: IntProperty(
+        name="Rays",
+        description="Number of rays from each face, corner or vertex. Four times as many halve the noise or better; "
+        "powers of two are best",
+        default=64,
+        min=1,
+        max=MAX_RAYS_PER_PATCH,
+        soft_max=4096,
+        options=_KEYABLE,
     )
-    scale: EnumProperty(name="Scale", description="What value an open face gets", items=_items(_SCALES))
-    sampler: EnumProperty(name="Sampler", description="Where rays start and go", items=_items(_SAMPLERS))
-    seed: IntProperty(name="Seed", description="The same seed casts the same rays", default=0, min=0)
-    threads: IntProperty(name="Threads", description="Processors to use, 0 for all of them", default=0, min=0, max=1024)
-    target: EnumProperty(name="Target", description="What gets a value of its own", items=_items(_TARGETS))
+    ray_budget: IntProperty(
+        name="Ray Budget",
+        description="Total number of rays, shared out by area with at least 16 each. 0 gives each face, corner or "
+        "vertex the number of rays above",
+        default=0,
+        min=0,
+        options=_FIXED,
+    )
+    target: EnumProperty(
+        name="Target", description="Choose what gets a color of its own", items=_items(_TARGETS), options=_FIXED
+    )
     attribute_name: StringProperty(
-        name="Attribute", description="Name of the attribute that holds the result", default="Obscurance"
+        name="Attribute",
+        description="Name of the color attribute that holds the result. One that exists already is overwritten",
+        default="Obscurance",
+        options=_FIXED,
     )
     corner_copy: BoolProperty(
         name="Viewport Copy",
-        description="Also write the faces' colors to their corners, where viewport, painting and exporters see them",
+        description="Write the colors of faces to their corners as well, where the viewport, painting and exporters "
+        "can see them",
         default=True,
+        options=_FIXED,
+    )
+    scale: EnumProperty(
+        name="Scale", description="Choose which value an open face gets", items=_items(_SCALES), options=_KEYABLE
     )
     shared_meshes: EnumProperty(
-        name="Shared Meshes", description="What to do with a mesh that several objects use", items=_items(_SHARED)
+        name="Shared Meshes",
+        description="Choose what happens to a mesh that several objects use",
+        items=_items(_SHARED),
+        options=_FIXED,
+    )
+    sampler: EnumProperty(
+        name="Sampler", description="Choose where rays start and go", items=_items(_SAMPLERS), options=_FIXED
+    )
+    seed: IntProperty(
+        name="Seed",
+        description="Number that picks the rays. The same seed casts the same rays",
+        default=0,
+        min=0,
+        options=_KEYABLE,
+    )
+    threads: IntProperty(
+        name="Threads",
+        description="Number of processors to use. 0 takes the number from the preferences of the add-on",
+        default=0,
+        min=0,
+        max=MAX_THREADS,
+        options=_FIXED,
     )
 
     def to_settings(self, **changes: object) -> BakeSettings:
         """Settings of the estimator, with some of them changed; raises SettingsError naming what is out of range."""
         own = {name: getattr(self, name) for name in _ESTIMATOR_NAMES}
         own["ray_budget"] = self.ray_budget or None
+        own["threads"] = self.threads or preferred_threads()
         own["distance"] = None if self.distance_mode == "AUTO" else self.distance
         return BakeSettings(**own | changes)
+
+    def changed(self) -> dict[str, object]:
+        """Settings that were given a value, by name; the others have their defaults."""
+        return {name: getattr(self, name) for name in setting_names() if self.is_property_set(name)}
+
+    def assign(self, values: dict[str, object]) -> None:
+        """Take these settings, and defaults for all others."""
+        for name in setting_names():
+            if name in values:
+                setattr(self, name, values[name])
+            else:
+                self.property_unset(name)
 
     def to_output(self, **changes: object) -> OutputSettings:
         """Where the result goes, with some settings changed."""
         return OutputSettings(**{name: getattr(self, name) for name in _OUTPUT_NAMES} | changes)
+
+
+def setting_names() -> list[str]:
+    """Names of all settings, in the order in which they are defined."""
+    return list(typing.get_type_hints(ObscuranceSettings))
+
+
+def property_again(name: str, **changes: object) -> object:
+    """The definition of a setting for another class to use, with some of its keywords changed."""
+    deferred = typing.get_type_hints(ObscuranceSettings)[name]
+    return deferred.function(**deferred.keywords | changes)
 
 
 def register() -> None:

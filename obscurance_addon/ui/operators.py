@@ -6,18 +6,28 @@ import bpy
 
 from ..blender.bake_job import BakeJob, BakeReport
 from ..blender.object_mode import ObjectModeGuard
+from ..blender.properties import property_again
 from ..blender.scene_geometry import SOLID_TYPES
 from ..core.errors import ObscuranceError
+from ..core.native_library import why_missing
 
 _TICK_S = 0.05  # between looks at the job
 _POLL_S = 0.001  # what a look may wait
+_ADJUST_S = 3.0  # a bake that took longer is not repeated at every touch of Adjust Last Operation
+
+# Settings that a call may replace and Adjust Last Operation shows; not remembered for the next call.
+_ADJUSTABLE = ("use_bleeding", "distance_mode", "distance", "falloff", "rays", "scale")
 
 
 class OBSCURANCE_OT_bake(bpy.types.Operator):
-    """Bake obscurances of the selected mesh objects into a color attribute; everything else that renders occludes"""
+    """The Bake button."""
 
     bl_idname = "obscurance.bake"
     bl_label = "Bake Obscurances"
+    bl_description = (
+        "Bake obscurances of the selected mesh objects into a color attribute. Everything else that renders shades "
+        "and tints them. Esc cancels"
+    )
     bl_options = {"REGISTER", "UNDO"}
 
     _running = False  # on the class: a second bake would find the scene in the middle of the first one
@@ -26,8 +36,13 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
     _guard: ObjectModeGuard | None = None
     _timer: bpy.types.Timer | None = None
 
+    seconds: bpy.props.FloatProperty(options={"HIDDEN", "SKIP_SAVE"})  # what the last run of this call took
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        if missing := why_missing("embreex"):
+            cls.poll_message_set(sentence(f"the ray tracer {missing}"))
+            return False
         if OBSCURANCE_OT_bake._running:
             cls.poll_message_set("A bake is running; press Esc to cancel it")
             return False
@@ -42,7 +57,7 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
         try:
             report = self._start(context).run()
         except ObscuranceError as error:
-            self.report({"ERROR"}, _sentence(str(error)))
+            self.report({"ERROR"}, sentence(str(error)))
             return {"CANCELLED"}
         finally:
             guard.restore(context)
@@ -93,17 +108,38 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
             self._job.cancel(wait=False)  # the threads end by themselves soon, and touch nothing of Blender's
         self._finish(context)
 
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Adjust Last Operation: every change bakes again, so only a quick bake offers it."""
+        layout = self.layout
+        layout.use_property_split = True
+        if self.seconds > _ADJUST_S:
+            layout.label(text="Change the settings in the panel, and bake again", icon="INFO")
+            return
+        for name in _ADJUSTABLE:
+            row = layout.row()
+            row.active = name != "distance" or self.distance_mode == "METRES"
+            row.prop(self, name)
+
     def _start(self, context: bpy.types.Context) -> BakeJob:
-        settings = context.scene.obscurance
+        group = context.scene.obscurance
+        if self.properties.is_property_set("distance") and not self.properties.is_property_set("distance_mode"):
+            self.distance_mode = "METRES"  # a script that gives a distance means it
+        for name in _ADJUSTABLE:
+            if not self.properties.is_property_set(name):
+                setattr(self, name, getattr(group, name))
+        changes = {name: getattr(self, name) for name in ("use_bleeding", "falloff", "rays")}
+        changes["distance"] = None if self.distance_mode == "AUTO" else self.distance
+        if self.rays != group.rays:
+            changes["ray_budget"] = None  # as on the command line, rays for each patch replace a budget
         surfaces = [ob for ob in context.selected_objects if ob.type in SOLID_TYPES]  # not lights, cameras and the like
-        return BakeJob(context, surfaces, settings.to_settings(), settings.to_output())
+        return BakeJob(context, surfaces, group.to_settings(**changes), group.to_output(scale=self.scale))
 
     def _fail(self, context: bpy.types.Context, error: BaseException) -> set[str]:
         """Take everything down after an error; one that is meant for the user is reported, any other raised."""
         self._finish(context)
         if not isinstance(error, ObscuranceError):
             raise error
-        self.report({"ERROR"}, _sentence(str(error)))
+        self.report({"ERROR"}, sentence(str(error)))
         return {"CANCELLED"}
 
     def _show_progress(self, context: bpy.types.Context) -> None:
@@ -125,28 +161,26 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
         OBSCURANCE_OT_bake._running = False
 
     def _tell(self, report: BakeReport) -> None:
+        self.seconds = sum(report.seconds.values())
         for warning in report.warnings:
-            self.report({"WARNING"}, _sentence(warning))
+            self.report({"WARNING"}, sentence(warning))
         self.report({"INFO"}, report.summary())
 
 
-def _sentence(text: str) -> str:
+def sentence(text: str) -> str:
+    """A message of the core as Blender shows messages, with a capital letter."""
     return text[:1].upper() + text[1:]
 
 
-def draw_menu(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
-    """Entry of the Object menu."""
-    self.layout.separator()
-    self.layout.operator(OBSCURANCE_OT_bake.bl_idname)
+for _name in _ADJUSTABLE:
+    OBSCURANCE_OT_bake.__annotations__[_name] = property_again(_name, options={"SKIP_SAVE"})
 
 
 def register() -> None:
-    """Register the operator and its menu entry."""
+    """Register the operator."""
     bpy.utils.register_class(OBSCURANCE_OT_bake)
-    bpy.types.VIEW3D_MT_object.append(draw_menu)
 
 
 def unregister() -> None:
     """Undo `register`."""
-    bpy.types.VIEW3D_MT_object.remove(draw_menu)
     bpy.utils.unregister_class(OBSCURANCE_OT_bake)

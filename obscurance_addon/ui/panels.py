@@ -1,14 +1,19 @@
-"""The sidebar panel: settings in the order in which an artist thinks: what, how far, how fine, where to."""
+"""The sidebar panels and the menu."""
 
 from __future__ import annotations
 
 import bpy
 
-from .operators import OBSCURANCE_OT_bake
+from ..blender.viewport_shading import shows_result
+from ..core.native_library import why_missing
+from .operators import OBSCURANCE_OT_bake, sentence
+from .presets import OBSCURANCE_PT_presets
+from .result_operators import OBSCURANCE_OT_copy_for_export, OBSCURANCE_OT_show_result
+from .settings_layout import draw_message, draw_settings
 
 
 class _Sidebar:
-    """Where both panels stand."""
+    """Where the panels stand."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -21,41 +26,28 @@ class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
     bl_label = "Obscurances"
     bl_idname = "OBSCURANCE_PT_bake"
 
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        OBSCURANCE_PT_presets.draw_panel_header(self.layout)
+
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        settings = context.scene.obscurance
+        if missing := why_missing("embreex"):
+            draw_message(layout.box(), sentence(f"the ray tracer {missing}"), "ERROR", context.region.width)
         meshes = [ob.name for ob in context.selected_objects if ob.type == "MESH"]
-
+        layout.label(text=_what(meshes), icon="OBJECT_DATA")
+        draw_settings(layout, context.scene.obscurance)
         column = layout.column()
-        column.label(text=_what(meshes), icon="OBJECT_DATA")
-        column.prop(settings, "use_bleeding")
-
-        column = layout.column()
-        column.label(text="How Far")
-        column.prop(settings, "distance_mode")
-        row = column.row()
-        row.active = settings.distance_mode == "METRES"
-        row.prop(settings, "distance")
-        column.prop(settings, "falloff")
-
-        column = layout.column()
-        column.label(text="How Fine")
-        row = column.row()
-        row.active = settings.ray_budget == 0
-        row.prop(settings, "rays")
-
-        column = layout.column()
-        column.label(text="Where To")
-        column.prop(settings, "target")
-        column.prop(settings, "attribute_name")
-        if settings.target == "FACE":
-            column.prop(settings, "corner_copy")
-        column.prop(settings, "scale")
-        column.prop(settings, "shared_meshes")
-
-        layout.operator(OBSCURANCE_OT_bake.bl_idname, icon="RENDER_STILL")
+        column.scale_y = 1.3
+        column.operator(OBSCURANCE_OT_bake.bl_idname, icon="RENDER_STILL")
+        shown = shows_result(context.space_data)
+        layout.operator(
+            OBSCURANCE_OT_show_result.bl_idname,
+            text="Hide Result" if shown else "Show Result",
+            icon="HIDE_OFF" if shown else "HIDE_ON",
+            depress=shown,
+        )
 
 
 class OBSCURANCE_PT_sampling(_Sidebar, bpy.types.Panel):
@@ -74,22 +66,55 @@ class OBSCURANCE_PT_sampling(_Sidebar, bpy.types.Panel):
             layout.prop(context.scene.obscurance, name)
 
 
+class OBSCURANCE_PT_export(_Sidebar, bpy.types.Panel):
+    """Copies of the result for other programs"""
+
+    bl_label = "Export"
+    bl_idname = "OBSCURANCE_PT_export"
+    bl_parent_id = "OBSCURANCE_PT_bake"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        self.layout.operator_enum(OBSCURANCE_OT_copy_for_export.bl_idname, "format")
+
+
+class OBSCURANCE_MT_object(bpy.types.Menu):
+    """Obscurances of the selected objects"""
+
+    bl_label = "Obscurances"
+    bl_idname = "OBSCURANCE_MT_object"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator(OBSCURANCE_OT_bake.bl_idname, icon="RENDER_STILL")
+        layout.operator(OBSCURANCE_OT_show_result.bl_idname)
+        layout.operator_menu_enum(OBSCURANCE_OT_copy_for_export.bl_idname, "format")
+
+
+def draw_menu(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    """Entry of the Object menu."""
+    self.layout.separator()
+    self.layout.menu(OBSCURANCE_MT_object.bl_idname)
+
+
 def _what(meshes: list[str]) -> str:
     if not meshes:
-        return "What: select mesh objects"
-    return f"What: {meshes[0] if len(meshes) == 1 else f'{len(meshes)} mesh objects'}"
+        return "Select mesh objects"
+    return meshes[0] if len(meshes) == 1 else f"{len(meshes)} mesh objects"
 
 
-_CLASSES = (OBSCURANCE_PT_bake, OBSCURANCE_PT_sampling)
+_CLASSES = (OBSCURANCE_PT_bake, OBSCURANCE_PT_sampling, OBSCURANCE_PT_export, OBSCURANCE_MT_object)
 
 
 def register() -> None:
-    """Register the panels."""
+    """Register the panels and the menu."""
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
+    bpy.types.VIEW3D_MT_object.append(draw_menu)
 
 
 def unregister() -> None:
     """Undo `register`."""
+    bpy.types.VIEW3D_MT_object.remove(draw_menu)
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)

@@ -74,7 +74,7 @@ def test_the_report_counts_what_was_done():
     assert set(report.seconds) == {"extract", "build", "trace", "write"}
     assert all(seconds >= 0.0 for seconds in report.seconds.values())
     assert report.d_max == 0.5
-    assert "4 patches of 1 object with 128 rays" in report.summary()
+    assert "4 patches of 'Floor' with 128 rays" in report.summary()
 
 
 def test_the_automatic_distance_is_a_fifth_of_the_diagonal():

@@ -358,7 +358,7 @@ def test_quiet_prints_nothing_of_its_own(scene, capsys):
     capsys.readouterr()
     assert run(scene) == 0
     told = capsys.readouterr()
-    assert f"{scene} -> {scene}: Baked 4 patches of 1 object" in told.out
+    assert f"{scene} -> {scene}: Baked 4 patches of 'Floor'" in told.out
     assert "note: hidden from renders, so they do not occlude: 'Wall'" in told.out
     assert run(scene, "--quiet") == 0
     told = capsys.readouterr()

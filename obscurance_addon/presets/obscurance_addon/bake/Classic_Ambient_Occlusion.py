@@ -1,0 +1,7 @@
+import bpy
+
+settings = bpy.context.scene.obscurance
+
+settings.use_bleeding = False
+settings.falloff = "STEP"
+settings.scale = "WHITE"

@@ -1,0 +1,7 @@
+import bpy
+
+settings = bpy.context.scene.obscurance
+
+settings.rays = 16
+settings.ray_budget = 0
+settings.sampler = "SOBOL"

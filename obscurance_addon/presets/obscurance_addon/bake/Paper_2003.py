@@ -1,0 +1,8 @@
+import bpy
+
+settings = bpy.context.scene.obscurance
+
+settings.use_bleeding = True
+settings.distance_mode = "AUTO"
+settings.falloff = "SQRT"
+settings.scale = "PAPER"

@@ -1,0 +1,102 @@
+"""Operators on a baked result: show it in the viewport, copy it for an exporter."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..blender.export_copy import LAYERS, ExportFormat, copy_for_export
+from ..blender.object_mode import ObjectModeGuard
+from ..blender.viewport_shading import activate_result, hide_result, show_result, shows_result
+from ..core.errors import ObscuranceError
+from .operators import sentence
+
+_FORMATS = (
+    (ExportFormat.GLTF, "glTF", "Make the copy that arrives as COLOR_0, with values limited to 1"),
+    (ExportFormat.USD, "USD", "Make the copy that arrives as the display color"),
+    (ExportFormat.ALEMBIC, "Alembic", "Make the copy that arrives as the color set Cd, with 8 bits and values up to 1"),
+)
+
+
+class OBSCURANCE_OT_show_result(bpy.types.Operator):
+    """Show the baked colors alone in this 3D view, without lights. Press again to get the former shading back"""
+
+    bl_idname = "obscurance.show_result"
+    bl_label = "Show Obscurances"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if context.space_data is None or context.space_data.type != "VIEW_3D":
+            cls.poll_message_set("Use it in a 3D view")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if shows_result(context.space_data):
+            hide_result(context.space_data)
+            return {"FINISHED"}
+        output = context.scene.obscurance.to_output()
+        shown, changed = activate_result(context.view_layer.objects, output)
+        if not shown:
+            self.report(
+                {"ERROR"},
+                f"No object in this view layer has a color '{output.layers()[0][0]}' to show: bake first, with target "
+                "Faces switch Viewport Copy on",
+            )
+            return {"CANCELLED"}
+        show_result(context.space_data)
+        if changed:  # shading is not part of undo, the choice of the active color is
+            bpy.ops.ed.undo_push(message=self.bl_label)
+        return {"FINISHED"}
+
+
+class OBSCURANCE_OT_copy_for_export(bpy.types.Operator):
+    """Copy the baked result of the selected objects into the color layer that an exporter understands"""
+
+    bl_idname = "obscurance.copy_for_export"
+    bl_label = "Copy for Export"
+    bl_options = {"REGISTER", "UNDO"}
+
+    format: bpy.props.EnumProperty(
+        name="Format",
+        description="Choose the file format to export to",
+        items=[(value.value, label, tip) for value, label, tip in _FORMATS],
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not any(ob.type == "MESH" for ob in context.selected_objects):
+            cls.poll_message_set("Select at least one mesh object that is baked")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        export_format = ExportFormat(self.format)
+        guard = ObjectModeGuard(context)
+        try:
+            names, cut = copy_for_export(context.selected_objects, context.scene.obscurance.to_output(), export_format)
+        except ObscuranceError as error:
+            self.report({"ERROR"}, sentence(str(error)))
+            return {"CANCELLED"}
+        finally:
+            guard.restore(context)
+        layer = LAYERS[export_format].name
+        self.report({"INFO"}, f"Copied to '{layer}': {', '.join(map(repr, names))}")
+        if cut:
+            self.report({"WARNING"}, f"{cut:,} face corners were brighter than 1, which '{layer}' cannot hold")
+        return {"FINISHED"}
+
+
+_CLASSES = (OBSCURANCE_OT_show_result, OBSCURANCE_OT_copy_for_export)
+
+
+def register() -> None:
+    """Register the operators."""
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)

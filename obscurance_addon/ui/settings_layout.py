@@ -1,0 +1,48 @@
+"""How the settings are laid out, in the panel and in the preferences alike."""
+
+from __future__ import annotations
+
+import textwrap
+
+import bpy
+
+_CHARACTER_PX = 7.0  # of the interface font at scale 1, on average
+_MARGIN_PX = 60.0  # icon and borders
+
+
+def draw_settings(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """Settings in the order in which an artist thinks: what, how far, how fine, where to."""
+    layout.prop(settings, "use_bleeding")
+
+    column = layout.column()
+    column.label(text="How Far")
+    column.prop(settings, "distance_mode", text="Mode")
+    row = column.row()
+    row.active = settings.distance_mode == "METRES"
+    row.prop(settings, "distance")
+    column.prop(settings, "falloff")
+
+    column = layout.column()
+    column.label(text="How Fine")
+    row = column.row()
+    row.active = settings.ray_budget == 0
+    row.prop(settings, "rays")
+
+    column = layout.column()
+    column.label(text="Where To")
+    column.prop(settings, "target")
+    column.prop(settings, "attribute_name")
+    row = column.row()
+    row.active = settings.target == "FACE"
+    row.prop(settings, "corner_copy")
+    column.prop(settings, "scale")
+    column.prop(settings, "shared_meshes", text="Shared")
+
+
+def draw_message(layout: bpy.types.UILayout, text: str, icon: str, width: float) -> None:
+    """A message broken into lines that fit a region of `width` pixels."""
+    scale = bpy.context.preferences.system.ui_scale
+    per_line = max(int((width / scale - _MARGIN_PX) / _CHARACTER_PX), 12)
+    column = layout.column(align=True)
+    for i, line in enumerate(textwrap.wrap(text, per_line)):
+        column.label(text=line, icon=icon if i == 0 else "BLANK1")

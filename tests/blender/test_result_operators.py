@@ -1,0 +1,249 @@
+"""What artists do with a result: look at it, export it; and the presets, tooltips and ids around the bake."""
+
+import bpy
+import numpy as np
+import pytest
+
+from obscurance_addon.blender.properties import setting_names
+from tests.blender.helpers import CORNER_LAYER, FACE_LAYER, colors, floor, select, sheet
+
+pytestmark = pytest.mark.usefixtures("empty_scene")
+BRIGHT = 1.25
+
+
+@pytest.fixture
+def baked():
+    """A floor beside a red wall, baked; some of its corners are brighter than 1."""
+    ob = floor(n=3)
+    sheet("Wall", (-1, -1, 0), (0, 2, 0), (0, 0, 1), color=(0.9, 0.1, 0.1))
+    select(ob)
+    bpy.context.scene.obscurance.rays = 16
+    bpy.ops.obscurance.bake()
+    for name in (FACE_LAYER, CORNER_LAYER):
+        layer = ob.data.attributes[name].data
+        layer[0].color = (BRIGHT, 0.5, 0.25, 1.0)
+    return ob
+
+
+def corner_colors(ob):
+    """What every exporter should bring over: the face's colour at each corner."""
+    return np.repeat(colors(ob)[:, :3], 4, axis=0)
+
+
+def exported_and_back(ob, path, export, load):
+    """The mesh as it comes back from a file."""
+    export(filepath=path)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    load(filepath=path)
+    return next(o.data for o in bpy.data.objects if o.type == "MESH" and o.name.startswith("Floor"))
+
+
+def by_place(mesh, name):
+    """Mean colour of each face, in the order of the faces' centres, for meshes whose faces came back in another one."""
+    layer = mesh.attributes[name]
+    assert layer.domain in {"CORNER", "FACE"}
+    rgba = np.empty(len(layer.data) * 4, np.float32)
+    layer.data.foreach_get("color", rgba)
+    rgba = rgba.reshape(-1, 4)
+    return {
+        tuple(round(c, 3) for c in polygon.center): rgba[list(polygon.loop_indices), :3].mean(0)
+        for polygon in mesh.polygons
+    }
+
+
+def nearest(found, x, y):
+    """Colour of the face whose centre is nearest to a place seen from above, whichever axis is up."""
+    return min(found.items(), key=lambda item: (item[0][0] - x) ** 2 + (item[0][1] - y) ** 2)[1]
+
+
+def test_gltf_has_them_as_color_0(baked, tmp_path):
+    """With the switch Use Vertex Color: Active, in 16 bits; what is brighter than 1 is 1."""
+    expected = np.minimum(colors(baked)[:, :3], 1.0)
+    centres = [tuple(p.center) for p in baked.data.polygons]
+    bpy.ops.obscurance.copy_for_export(format="GLTF")
+    assert baked.data.attributes.default_color_name == "COLOR_0"
+    mesh = exported_and_back(
+        baked,
+        str(tmp_path / "a.glb"),
+        lambda filepath: bpy.ops.export_scene.gltf(filepath=filepath, export_vertex_color="ACTIVE"),
+        bpy.ops.import_scene.gltf,
+    )
+    found = by_place(mesh, "Color")  # Blender's name for COLOR_0
+    for (x, y, _z), value in zip(centres, expected, strict=True):
+        assert np.abs(nearest(found, x, y) - value).max() < 0.006  # Blender imports it with 8 bits in sRGB
+
+
+def test_usd_has_them_as_display_color(baked, tmp_path):
+    """By the exporter's defaults, with all digits and values above 1."""
+    expected = corner_colors(baked)
+    bpy.ops.obscurance.copy_for_export(format="USD")
+    path = tmp_path / "a.usda"
+    mesh = exported_and_back(baked, str(path), bpy.ops.wm.usd_export, bpy.ops.wm.usd_import)
+    assert "primvars:displayColor" in path.read_text()
+    assert mesh.attributes["displayColor"].domain == "CORNER"
+    rgba = np.empty(len(mesh.loops) * 4, np.float32)
+    mesh.attributes["displayColor"].data.foreach_get("color", rgba)
+    assert np.abs(rgba.reshape(-1, 4)[:, :3] - expected).max() < 1e-6
+
+
+def test_alembic_has_them_as_cd(baked, tmp_path):
+    """With the switch Color Attributes, in 8 bits."""
+    expected = np.minimum(corner_colors(baked), 1.0)
+    bpy.ops.obscurance.copy_for_export(format="ALEMBIC")
+    mesh = exported_and_back(
+        baked,
+        str(tmp_path / "a.abc"),
+        lambda filepath: bpy.ops.wm.alembic_export(filepath=filepath, vcolors=True),
+        bpy.ops.wm.alembic_import,
+    )
+    rgba = np.empty(len(mesh.loops) * 4, np.float32)
+    mesh.attributes["Cd"].data.foreach_get("color", rgba)
+    found = rgba.reshape(-1, 4)[:, :3]
+    assert np.abs(np.sort(found, axis=0) - np.sort(expected, axis=0)).max() < 0.0046  # of 8 bits in sRGB
+
+
+@pytest.mark.parametrize("target", ["FACE", "CORNER", "POINT"])
+def test_every_target_can_be_copied(baked, target):
+    """To one colour for each corner."""
+    settings = bpy.context.scene.obscurance
+    settings.target = target
+    bpy.ops.obscurance.bake()
+    bpy.ops.obscurance.copy_for_export(format="USD")
+    copy = baked.data.attributes["displayColor"]
+    assert (copy.domain, len(copy.data)) == ("CORNER", len(baked.data.loops))
+    source = baked.data.attributes[FACE_LAYER]
+    for polygon in baked.data.polygons:
+        for corner in polygon.loop_indices:
+            index = {"FACE": polygon.index, "CORNER": corner, "POINT": baked.data.loops[corner].vertex_index}[target]
+            assert copy.data[corner].color[:3] == source.data[index].color[:3]
+
+
+def test_nothing_to_copy_is_an_error_that_says_what_to_do():
+    """An object that was never baked gets no layer."""
+    ob = floor()
+    select(ob)
+    with pytest.raises(RuntimeError, match=r"No selected object has a baked attribute 'Obscurance'.*bake first"):
+        bpy.ops.obscurance.copy_for_export(format="USD")
+    assert not len(ob.data.color_attributes)
+
+
+def test_a_vertex_group_of_the_same_name_is_not_replaced(baked):
+    """The object is named, and no layer is made."""
+    baked.vertex_groups.new(name="Cd")
+    with pytest.raises(RuntimeError, match="'Floor' has a vertex group named 'Cd'"):
+        bpy.ops.obscurance.copy_for_export(format="ALEMBIC")
+    assert "Cd" not in baked.data.attributes
+
+
+# -------------------------------------------------------------------------------------------------------------- showing
+
+
+@pytest.fixture
+def view():
+    """A 3D view of a window that nobody sees."""
+    bpy.ops.wm.read_factory_settings()
+    area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
+    return area
+
+
+def test_showing_the_result_and_going_back(view):
+    """To exactly the shading that was there before."""
+    space = view.spaces.active
+    space.shading.type, space.shading.light, space.shading.color_type = "SOLID", "MATCAP", "OBJECT"
+    space.shading.type = "WIREFRAME"
+    select(bpy.data.objects["Cube"])
+    bpy.ops.obscurance.bake()
+    bpy.data.meshes["Cube"].color_attributes.new("Mine", "BYTE_COLOR", "CORNER")
+    bpy.data.meshes["Cube"].attributes.active_color_name = "Mine"
+    shading = ("type", "light", "color_type")
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=view, space_data=space):
+        bpy.ops.obscurance.show_result()
+        assert [getattr(space.shading, name) for name in shading] == ["SOLID", "FLAT", "VERTEX"]
+        assert bpy.data.meshes["Cube"].attributes.active_color_name == CORNER_LAYER
+        bpy.ops.obscurance.show_result()
+    assert space.shading.type == "WIREFRAME"
+    space.shading.type = "SOLID"
+    assert [getattr(space.shading, name) for name in shading] == ["SOLID", "MATCAP", "OBJECT"]
+
+
+def test_there_must_be_something_to_show(view):
+    """The message says how to get it, and the shading stays."""
+    space = view.spaces.active
+    before = space.shading.color_type
+    with (
+        bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=view, space_data=space),
+        pytest.raises(RuntimeError, match=r"No object in this view layer has a color 'Obscurance Color'.*bake first"),
+    ):
+        bpy.ops.obscurance.show_result()
+    assert space.shading.color_type == before
+
+
+# ------------------------------------------------------------------------------------------------------------- settings
+
+
+def test_a_call_may_replace_settings_for_once(baked):
+    """The scene keeps its own, and the next call starts from them again."""
+    bpy.ops.obscurance.bake(use_bleeding=False)
+    grey = colors(baked)
+    assert np.array_equal(grey[:, 0], grey[:, 1])
+    assert bpy.context.scene.obscurance.use_bleeding
+    bpy.ops.obscurance.bake()
+    assert not np.array_equal(colors(baked)[:, 0], colors(baked)[:, 1])
+
+
+def test_a_distance_given_to_a_call_is_used(baked):
+    """Although the scene says automatic."""
+    bpy.ops.obscurance.bake()
+    automatic = colors(baked)
+    bpy.ops.obscurance.bake(distance=0.05)
+    assert not np.array_equal(colors(baked), automatic)
+    bpy.ops.obscurance.bake(distance=0.05, distance_mode="AUTO")
+    assert np.array_equal(colors(baked), automatic)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("Draft", {"rays": 16}),
+        ("Standard", {"rays": 64}),
+        ("Final", {"rays": 1024}),
+        ("Classic_Ambient_Occlusion", {"use_bleeding": False, "falloff": "STEP", "scale": "WHITE"}),
+        ("Paper_2003", {"use_bleeding": True, "falloff": "SQRT", "scale": "PAPER", "distance_mode": "AUTO"}),
+    ],
+)
+def test_presets_that_come_with_the_addon(name, expected):
+    """Each sets what its name says, and where the result goes stays."""
+    settings = bpy.context.scene.obscurance
+    settings.attribute_name = "Mine"
+    (folder,) = bpy.utils.preset_paths("obscurance_addon/bake")
+    bpy.ops.script.execute_preset(filepath=f"{folder}/{name}.py", menu_idname="OBSCURANCE_PT_presets")
+    assert {key: getattr(settings, key) for key in expected} == expected
+    assert settings.attribute_name == "Mine"
+
+
+def test_every_tooltip_is_a_sentence():
+    """With a capital letter and several words, and without the full stop that Blender adds."""
+    operators = set(dir(bpy.ops.obscurance)) - {"add_preset"}  # whose properties are Blender's own
+    types = [getattr(bpy.ops.obscurance, name).get_rna_type() for name in operators]
+    assert len(types) >= 5
+    texts = [kind.description for kind in types]
+    properties = [p for kind in types for p in kind.properties if not p.is_hidden and p.identifier != "rna_type"]
+    group = bpy.context.scene.obscurance.bl_rna.properties
+    properties += [group[name] for name in setting_names()]
+    texts += [p.description for p in properties]
+    texts += [item.description for p in properties if p.type == "ENUM" for item in p.enum_items]
+    for text in texts:
+        assert text[0].isupper(), text
+        assert len(text.split()) >= 4, text
+        assert not text.endswith("."), text
+        assert "\n" not in text
+
+
+def test_only_harmless_settings_can_be_keyed():
+    """Where results go cannot change over time."""
+    group = bpy.context.scene.obscurance.bl_rna.properties
+    keyable = {name for name in setting_names() if group[name].is_animatable}
+    assert keyable == {"use_bleeding", "distance_mode", "distance", "falloff", "rays", "scale", "seed"}
+    bpy.context.scene.obscurance.keyframe_insert("distance", frame=1)
+    with pytest.raises(TypeError):
+        bpy.context.scene.obscurance.keyframe_insert("target", frame=1)

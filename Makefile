@@ -4,7 +4,7 @@ VENV ?= .venv
 BPY ?= 4.5.15
 RUN = $(VENV)/bin/python
 
-.PHONY: venv demo test test-core test-blender lint bench samples clean
+.PHONY: venv demo test test-core test-blender test-window extension lint bench samples clean
 
 venv: $(VENV)/installed-$(BPY)
 
@@ -15,13 +15,20 @@ demo: venv
 	$(RUN) tools/demo.py
 
 test: venv
-	$(RUN) -m pytest tests
+	$(RUN) -m pytest
 
 test-core: venv
 	$(RUN) -m pytest tests/core
 
 test-blender: venv
-	$(RUN) -m pytest tests/blender
+	$(RUN) -m pytest tests/blender tests/extension
+
+# Needs root: makes a Debian in a folder with a real Blender in it. DEBIAN=sid for the newest Blender.
+test-window: venv
+	$(RUN) -m pytest tests/window
+
+extension: venv
+	$(RUN) tools/build_extension.py
 
 lint: venv
 	$(RUN) -m ruff check .

@@ -1,4 +1,4 @@
-"""What artists do with a result: look at it, export it; and the presets, tooltips and ids around the bake."""
+"""What artists do with a result: look at it, copy it for export; and the presets, tooltips and ids around the bake."""
 
 import bpy
 import numpy as np
@@ -23,83 +23,6 @@ def baked():
         layer = ob.data.attributes[name].data
         layer[0].color = (BRIGHT, 0.5, 0.25, 1.0)
     return ob
-
-
-def corner_colors(ob):
-    """What every exporter should bring over: the face's colour at each corner."""
-    return np.repeat(colors(ob)[:, :3], 4, axis=0)
-
-
-def exported_and_back(ob, path, export, load):
-    """The mesh as it comes back from a file."""
-    export(filepath=path)
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    load(filepath=path)
-    return next(o.data for o in bpy.data.objects if o.type == "MESH" and o.name.startswith("Floor"))
-
-
-def by_place(mesh, name):
-    """Mean colour of each face, in the order of the faces' centres, for meshes whose faces came back in another one."""
-    layer = mesh.attributes[name]
-    assert layer.domain in {"CORNER", "FACE"}
-    rgba = np.empty(len(layer.data) * 4, np.float32)
-    layer.data.foreach_get("color", rgba)
-    rgba = rgba.reshape(-1, 4)
-    return {
-        tuple(round(c, 3) for c in polygon.center): rgba[list(polygon.loop_indices), :3].mean(0)
-        for polygon in mesh.polygons
-    }
-
-
-def nearest(found, x, y):
-    """Colour of the face whose centre is nearest to a place seen from above, whichever axis is up."""
-    return min(found.items(), key=lambda item: (item[0][0] - x) ** 2 + (item[0][1] - y) ** 2)[1]
-
-
-def test_gltf_has_them_as_color_0(baked, tmp_path):
-    """With the switch Use Vertex Color: Active, in 16 bits; what is brighter than 1 is 1."""
-    expected = np.minimum(colors(baked)[:, :3], 1.0)
-    centres = [tuple(p.center) for p in baked.data.polygons]
-    bpy.ops.obscurance.copy_for_export(format="GLTF")
-    assert baked.data.attributes.default_color_name == "COLOR_0"
-    mesh = exported_and_back(
-        baked,
-        str(tmp_path / "a.glb"),
-        lambda filepath: bpy.ops.export_scene.gltf(filepath=filepath, export_vertex_color="ACTIVE"),
-        bpy.ops.import_scene.gltf,
-    )
-    found = by_place(mesh, "Color")  # Blender's name for COLOR_0
-    for (x, y, _z), value in zip(centres, expected, strict=True):
-        assert np.abs(nearest(found, x, y) - value).max() < 0.006  # Blender imports it with 8 bits in sRGB
-
-
-def test_usd_has_them_as_display_color(baked, tmp_path):
-    """By the exporter's defaults, with all digits and values above 1."""
-    expected = corner_colors(baked)
-    bpy.ops.obscurance.copy_for_export(format="USD")
-    path = tmp_path / "a.usda"
-    mesh = exported_and_back(baked, str(path), bpy.ops.wm.usd_export, bpy.ops.wm.usd_import)
-    assert "primvars:displayColor" in path.read_text()
-    assert mesh.attributes["displayColor"].domain == "CORNER"
-    rgba = np.empty(len(mesh.loops) * 4, np.float32)
-    mesh.attributes["displayColor"].data.foreach_get("color", rgba)
-    assert np.abs(rgba.reshape(-1, 4)[:, :3] - expected).max() < 1e-6
-
-
-def test_alembic_has_them_as_cd(baked, tmp_path):
-    """With the switch Color Attributes, in 8 bits."""
-    expected = np.minimum(corner_colors(baked), 1.0)
-    bpy.ops.obscurance.copy_for_export(format="ALEMBIC")
-    mesh = exported_and_back(
-        baked,
-        str(tmp_path / "a.abc"),
-        lambda filepath: bpy.ops.wm.alembic_export(filepath=filepath, vcolors=True),
-        bpy.ops.wm.alembic_import,
-    )
-    rgba = np.empty(len(mesh.loops) * 4, np.float32)
-    mesh.attributes["Cd"].data.foreach_get("color", rgba)
-    found = rgba.reshape(-1, 4)[:, :3]
-    assert np.abs(np.sort(found, axis=0) - np.sort(expected, axis=0)).max() < 0.0046  # of 8 bits in sRGB
 
 
 @pytest.mark.parametrize("target", ["FACE", "CORNER", "POINT"])

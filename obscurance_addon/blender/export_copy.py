@@ -46,7 +46,7 @@ LAYERS = {
 
 def copy_for_export(
     objects: Iterable[bpy.types.Object], output: OutputSettings, export_format: ExportFormat
-) -> tuple[list[str], int]:
+) -> tuple[list[str], int, list[str]]:
     """Copy the baked result of objects into the layer for a format, on all of them or on none.
 
     Parameters
@@ -63,6 +63,8 @@ def copy_for_export(
         Objects whose mesh has the layer now.
     cut : int
         Number of face corners whose colour was above 1 and was cut off there.
+    replaced : list of str
+        Attributes of that name but another kind that had to go, in words.
 
     Raises
     ------
@@ -70,6 +72,10 @@ def copy_for_export(
         When no object has a result that can be copied, or a name is taken.
     """
     layer = LAYERS[export_format]
+    if output.attribute_name == layer.name:
+        raise ObscuranceError(
+            f"the copy would replace the result itself, '{layer.name}': bake to another attribute name"
+        )
     target = output.target.value
     users: dict[int, list[bpy.types.Object]] = {}
     for ob in objects:
@@ -95,16 +101,16 @@ def copy_for_export(
         for made in prepared:
             color_attribute.discard(*made)
         raise
-    cut = 0
+    cut, replaced = 0, []
     for mesh, _, made in prepared:
         colours = _corner_colours(mesh, output.attribute_name)
         if layer.limited:
             cut += np.count_nonzero((colours > 1.0).any(1))
             colours = np.clip(colours, 0.0, 1.0)
-        color_attribute.fill(mesh, made, layer.name, colours)
+        replaced.append(color_attribute.fill(mesh, made, layer.name, colours))
         if export_format is ExportFormat.GLTF:
             mesh.attributes.default_color_name = layer.name
-    return [ob.name for obs in users.values() for ob in obs], int(cut)
+    return [ob.name for obs in users.values() for ob in obs], int(cut), list(filter(None, replaced))
 
 
 def _corner_colours(mesh: bpy.types.Mesh, name: str) -> np.ndarray:

@@ -74,7 +74,9 @@ class OBSCURANCE_OT_copy_for_export(bpy.types.Operator):
         export_format = ExportFormat(self.format)
         guard = ObjectModeGuard(context)
         try:
-            names, cut = copy_for_export(context.selected_objects, context.scene.obscurance.to_output(), export_format)
+            names, cut, replaced = copy_for_export(
+                context.selected_objects, context.scene.obscurance.to_output(), export_format
+            )
         except ObscuranceError as error:
             self.report({"ERROR"}, sentence(str(error)))
             return {"CANCELLED"}
@@ -82,6 +84,8 @@ class OBSCURANCE_OT_copy_for_export(bpy.types.Operator):
             guard.restore(context)
         layer = LAYERS[export_format].name
         self.report({"INFO"}, f"Copied to '{layer}': {', '.join(map(repr, names))}")
+        for note in replaced:
+            self.report({"WARNING"}, sentence(note))
         if cut:
             self.report({"WARNING"}, f"{cut:,} face corners were brighter than 1, which '{layer}' cannot hold")
         return {"FINISHED"}

@@ -58,6 +58,22 @@ def test_a_vertex_group_of_the_same_name_is_not_replaced(baked):
     assert "Cd" not in baked.data.attributes
 
 
+def test_the_result_is_not_replaced_by_its_copy(baked):
+    """When it has the name that the format wants."""
+    bpy.context.scene.obscurance.attribute_name = "Cd"
+    bpy.ops.obscurance.bake()
+    with pytest.raises(RuntimeError, match="would replace the result itself, 'Cd'"):
+        bpy.ops.obscurance.copy_for_export(format="ALEMBIC")
+    assert (baked.data.attributes["Cd"].domain, baked.data.attributes["Cd"].data_type) == ("FACE", "FLOAT_COLOR")
+
+
+def test_an_attribute_of_another_kind_that_has_to_go_is_named(baked, capfd):
+    """In a warning, as a bake does."""
+    baked.data.attributes.new("Cd", "FLOAT", "POINT")
+    bpy.ops.obscurance.copy_for_export(format="ALEMBIC")
+    assert "Attribute 'Cd' of mesh 'Floor' (FLOAT, POINT) was replaced" in "".join(capfd.readouterr())
+
+
 # -------------------------------------------------------------------------------------------------------------- showing
 
 

@@ -60,7 +60,7 @@ class Installation:
     def run(self, code: str, *arguments: object) -> str:
         """Run code in a new process, in which deprecated calls are errors; returns what it printed.
 
-        Nothing may write to the error output: Blender prints there what it catches.
+        A traceback fails the test even where Blender catches it.
         """
         done = subprocess.run(
             [

@@ -14,7 +14,8 @@ import numpy as np
 from .embree import EmbreeIntersector
 from .errors import GeometryError
 from .filling import fill_invalid
-from .obscurance import BLOCK_RAYS, ObscuranceSums, gather_obscurances
+from .obscurance import ObscuranceSums, gather_obscurances
+from .patch_samples import BLOCK_RAYS
 from .patches import Normalisation, Patches, Surfaces, bounding_box, slices, triangle_areas, usable_triangles
 from .ray_allocation import allocate_rays
 from .ray_casting import Intersector

@@ -6,24 +6,17 @@ count as R_ave. Hit sums and miss counts are kept apart, so that a new R_ave or 
 
 from __future__ import annotations
 
-import math
-import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from .falloff import apply_falloff
 from .first_hits import pass_doubled_faces, starts_inside
-from .ray_allocation import allocate_rays, split_rays
-from .sampling import SCRAMBLES, ray_table
-from .settings import BakeSettings, Sampler
-from .sobol import hash32
+from .patch_samples import BLOCK_RAYS, PatchSamples
+from .ray_allocation import allocate_rays
+from .settings import BakeSettings
 from .traced_scene import FAR, TracedScene
-
-BLOCK_RAYS = 32768  # per task: smaller ones pay Python's overhead, larger ones gain nothing and use more memory
-TABLE_ROWS = 1024  # rays of a sequence held at a time, so that memory does not grow with the number of rays
 
 _MISS, _DROPPED = 4, 5  # columns of the cell sums behind rho R_red, rho R_green, rho R_blue, rho
 
@@ -117,54 +110,24 @@ class _Caster:
         block_rays: int,
     ) -> None:
         self.scene = scene
-        self.sampler: Sampler = settings.sampler
-        self.seed = int(hash32(np.uint32(settings.seed) ^ hash32(np.uint32(replicate))))
-        self.threads = settings.thread_count()
         self.progress = progress
         self.block_rays = block_rays
         self.rays = 0
-        cells = scene.cells
-        self.start, self.count = split_rays(cells.patch, cells.weight, allocate_rays(cells.area, settings))
-        self.scramble = (hash32(ids.astype(np.uint32) ^ np.uint32(self.seed)) % np.uint32(SCRAMBLES)).astype(np.int64)
-        self.sums = np.zeros((6, len(cells.patch)))
-        self.scratch = _Scratch()
+        self.samples = PatchSamples(
+            scene.cells, ids, allocate_rays(scene.cells.area, settings), settings, replicate, block_rays
+        )
+        self.sums = np.zeros((6, len(scene.cells.patch)))
 
     def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
         """Add all rays of the cells (m,) int to their sums, in passes over the ray sequence."""
-        if not len(cells):
-            return
-        start, end = self.start[cells], self.start[cells] + self.count[cells]
-        sets, row_of_set = self._point_sets(cells)
-        with ThreadPoolExecutor(self.threads) as pool:
-            for first in range(0, int(end.max()), TABLE_ROWS):
-                low, high = np.maximum(start, first), np.minimum(end, first + TABLE_ROWS)
-                rows = min(TABLE_ROWS, int(end.max()) - first)
-                table = ray_table(self.sampler, self.seed, sets, first, rows).reshape(-1, 6)
-                tasks = []
-                n_rays = np.maximum(high - low, 0)
-                for n in np.flatnonzero(np.bincount(n_rays)[1:]) + 1:  # cells with the same number of rays go together
-                    group = np.flatnonzero(n_rays == n)
-                    base = row_of_set[group] * rows + low[group] - first
-                    per_block = max(1, self.block_rays // int(n))
-                    for at in range(0, len(group), per_block):
-                        block = slice(at, at + per_block)
-                        tasks.append((cells[group[block]], base[block], int(n)))
-                self.rays += sum(len(block) * n for block, _, n in tasks)
-                for _ in pool.map(lambda task, table=table: self._cast_block(table, *task, unbounded), tasks):
-                    pass
+        self.rays += self.samples.run(cells, lambda block, rows: self._cast_block(block, rows, unbounded))
 
-    def _point_sets(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The point sets that the cells (m,) use, ascending, and for each cell the position of its set among them."""
-        scramble = self.scramble[self.scene.cells.patch[cells]]
-        used = np.bincount(scramble, minlength=SCRAMBLES) > 0
-        return np.flatnonzero(used), (np.cumsum(used) - 1)[scramble]
-
-    def _cast_block(self, table: np.ndarray, cells: np.ndarray, base: np.ndarray, n: int, unbounded: bool) -> None:
-        """Cast rays `base` .. `base + n - 1` of the table from each cell and add what they meet to its sums."""
-        scene = self.scene
-        origins, directions = self._make_rays(cells, table, base, n)
+    def _cast_block(self, cells: np.ndarray, rows: np.ndarray, unbounded: bool) -> None:
+        """Cast the rays of rows (m, n, 6) from cells (m,) and add what they meet to the sums."""
+        scene, n = self.scene, rows.shape[1]
+        origins, directions = self.samples.origins(cells, rows), self.samples.directions(cells, rows)
         limit = FAR if unbounded else scene.limit
-        limits = self.scratch.array("limits", (len(origins),))
+        limits = self.samples.scratch.array("limits", (len(origins),))
         limits.fill(limit)
         if scene.needs_only_occlusion:
             blocked = scene.intersector.occluded(origins, directions, limits).reshape(-1, n)
@@ -182,20 +145,6 @@ class _Caster:
         self._weigh(cells, n, hits.distance, hits.triangle, dropped)
         self.progress(len(origins))
 
-    def _make_rays(self, cells: np.ndarray, table: np.ndarray, base: np.ndarray, n: int) -> tuple:
-        """Origins and directions, each (m n, 3) float32, of n table rows from `base` (m,) on, in the cells' frames."""
-        m, frames = len(cells), self.scene.cells.frames[cells]
-        rows = self.scratch.array("rows", (m, n * 6))
-        if len(table) % n == 0 and not (base % n).any():  # whole groups of rows are copied at once
-            np.take(table.reshape(-1, n * 6), base // n, axis=0, mode="clip", out=rows)
-        else:
-            index = (base[:, None] + np.arange(n)).ravel()
-            np.take(table, index, axis=0, mode="clip", out=rows.reshape(-1, 6))
-        rows = rows.reshape(m, n, 6)
-        origins = np.matmul(rows[..., :3], frames[..., :3], out=self.scratch.array("origins", (m, n, 3)))
-        directions = np.matmul(rows[..., 3:], frames[..., 3:], out=self.scratch.array("directions", (m, n, 3)))
-        return origins.reshape(-1, 3), directions.reshape(-1, 3)
-
     def _weigh(
         self, cells: np.ndarray, n: int, distance: np.ndarray, triangle: np.ndarray, dropped: np.ndarray | None
     ) -> None:
@@ -208,7 +157,7 @@ class _Caster:
             rho[dropped] = 0.0
             sums[_DROPPED, cells] += np.count_nonzero(dropped.reshape(-1, n), axis=1)
         if scene.palette is not None:
-            colours = self.scratch.array("colours", (len(triangle), 4))
+            colours = self.samples.scratch.array("colours", (len(triangle), 4))
             np.take(scene.palette, np.add(triangle, 1, dtype=np.intp), axis=0, mode="clip", out=colours)
             sums[:4, cells] += np.matmul(rho.reshape(-1, 1, n), colours.reshape(-1, n, 4))[:, 0].T
         else:
@@ -238,34 +187,19 @@ class _Caster:
 
     def _probe(self, cells: np.ndarray) -> np.ndarray:
         """(m,) bool: whether the first ray of each cell starts inside of a solid."""
-        sets, row = self._point_sets(cells)
-        table = ray_table(self.sampler, self.seed, sets, 0, 1).reshape(-1, 6)
-        origins, directions = self._make_rays(cells, table, row, 1)
+        rows = self.samples.first_rows(cells)
+        origins, directions = self.samples.origins(cells, rows), self.samples.directions(cells, rows)
         hits = self.scene.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
         self.rays += len(origins)
         return starts_inside(self.scene, directions, hits)
 
     def patch_sums(self) -> ObscuranceSums:
         """Cells weighed by area into patches."""
-        cells = self.scene.cells
+        cells, count = self.scene.cells, self.samples.count
         columns = [
-            np.bincount(cells.patch, column / self.count * cells.weight, len(cells.area))  # a whole share is exact
+            np.bincount(cells.patch, column / count * cells.weight, len(cells.area))  # a whole share is exact
             for column in self.sums
         ]
         valid = np.bincount(cells.patch, cells.weight, len(cells.area)) - columns[_DROPPED]
         valid[valid < 1e-9] = 0.0  # rounding left by weights whose rays were all dropped
         return ObscuranceSums(np.stack(columns[:4], -1), columns[_MISS], valid, self.rays)
-
-
-class _Scratch(threading.local):
-    """Arrays that each thread uses again for every block: fresh memory costs more than the work done in it."""
-
-    def __init__(self) -> None:
-        self._arrays: dict[str, np.ndarray] = {}
-
-    def array(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
-        """An uninitialised float32 array, C-contiguous; the one of the same name from before is overwritten."""
-        size = math.prod(shape)
-        if name not in self._arrays or self._arrays[name].size < size:
-            self._arrays[name] = np.empty(size, np.float32)
-        return self._arrays[name][:size].reshape(shape)

@@ -11,6 +11,8 @@ import numpy as np
 from . import sobol
 from .settings import Sampler
 
+DIRECTION = ("x", "y", "z")  # what a row of a ray table tells beside the place: a direction about the normal,
+UNIT = ("u", "v")  # or the two coordinates that are left, for what is not a hemisphere
 SCRAMBLES = 256  # independent point sets; neighbours rarely share one, and a table of 64 rays stays in the L2 cache
 
 
@@ -48,8 +50,23 @@ def invert_triangle_sample(b: np.ndarray) -> np.ndarray:
     return np.stack([np.where(above, 2.0 * b1, b1 + b2), np.where(above, b1 + b2, 2.0 * b2)], -1)
 
 
+def sample_disc(u: np.ndarray) -> np.ndarray:
+    """Uniform points on the unit disc: Shirley and Chiu's concentric map (1997); (..., 2) -> (..., 2), any float."""
+    x, y = 2.0 * u[..., 0] - 1.0, 2.0 * u[..., 1] - 1.0
+    by_x = np.abs(x) > np.abs(y)
+    radius = np.where(by_x, x, y)
+    ratio = np.where(by_x, y, x) / np.where(radius == 0.0, 1.0, radius)
+    angle = np.where(by_x, 0.25 * np.pi * ratio, 0.5 * np.pi - 0.25 * np.pi * ratio)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1)
+
+
+def disc_pdf() -> float:
+    """Density of `sample_disc`: 1 / pi."""
+    return 1.0 / np.pi
+
+
 def sample_cosine_hemisphere(u: np.ndarray) -> np.ndarray:
-    """Cosine-distributed directions about +z: Shirley and Chiu's concentric disc (1997), lifted to the hemisphere.
+    """Cosine-distributed directions about +z: the disc, lifted to the hemisphere.
 
     Parameters
     ----------
@@ -61,13 +78,9 @@ def sample_cosine_hemisphere(u: np.ndarray) -> np.ndarray:
     ndarray, (..., 3) float64
         Unit vectors with z >= 0.
     """
-    x, y = 2.0 * u[..., 0] - 1.0, 2.0 * u[..., 1] - 1.0
-    by_x = np.abs(x) > np.abs(y)
-    radius = np.where(by_x, x, y)
-    ratio = np.where(by_x, y, x) / np.where(radius == 0.0, 1.0, radius)
-    angle = np.where(by_x, 0.25 * np.pi * ratio, 0.5 * np.pi - 0.25 * np.pi * ratio)
-    z = np.sqrt(np.maximum(0.0, 1.0 - radius * radius))
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], -1)
+    disc = sample_disc(u)
+    z = np.sqrt(np.maximum(0.0, 1.0 - (disc * disc).sum(-1)))
+    return np.concatenate([disc, z[..., None]], -1)
 
 
 def cosine_hemisphere_pdf(cosine: np.ndarray) -> np.ndarray:
@@ -84,6 +97,36 @@ def invert_cosine_hemisphere_sample(directions: np.ndarray) -> np.ndarray:
     ratio = np.arctan(minor / np.where(major == 0.0, 1.0, major)) * (4.0 / np.pi)
     square = np.where(by_x, [radius, radius * ratio], [radius * ratio, radius])
     return 0.5 * (np.moveaxis(square, 0, -1) + 1.0)
+
+
+def sample_cone(axis: np.ndarray, cosine: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions spread evenly over cones.
+
+    Parameters
+    ----------
+    axis : ndarray, (n, 3) float32
+        Unit vectors.
+    cosine : ndarray, (n,) float32, or float
+        Of half the opening angle, -1 .. 1.
+    u : ndarray, (n, 2) float32
+        Points of the unit square.
+
+    Returns
+    -------
+    directions : ndarray, (n, 3) float32
+    along : ndarray, (n,) float32
+        Their cosine with the axis.
+    """
+    disc = sample_disc(u)
+    along = 1.0 - (1.0 - cosine) * (disc * disc).sum(-1)
+    stretch = np.sqrt(np.maximum((1.0 - cosine) * (1.0 + along), 0.0))
+    local = np.concatenate([disc * stretch[:, None], along[:, None]], -1).astype(np.float32)
+    return np.einsum("ij,ijk->ik", local, orthonormal_frames(axis).astype(np.float32)), along.astype(np.float32)
+
+
+def cone_pdf(cosine: float) -> float:
+    """Density of `sample_cone` with respect to solid angle."""
+    return 1.0 / (2.0 * np.pi * (1.0 - cosine))
 
 
 def orthonormal_frames(normals: np.ndarray) -> np.ndarray:
@@ -110,8 +153,10 @@ def orthonormal_frames(normals: np.ndarray) -> np.ndarray:
     return frames
 
 
-def ray_table(sampler: Sampler, seed: int, scrambles: np.ndarray, first: int, count: int) -> np.ndarray:
-    """Rays `first` .. `first + count - 1` of the point sets named by `scrambles`, mapped to triangle and hemisphere.
+def ray_table(
+    sampler: Sampler, seed: int, scrambles: np.ndarray, first: int, count: int, columns: tuple[str, ...] = DIRECTION
+) -> np.ndarray:
+    """Samples `first` .. `first + count - 1` of the point sets named by `scrambles`, mapped to triangle and hemisphere.
 
     Parameters
     ----------
@@ -123,21 +168,27 @@ def ray_table(sampler: Sampler, seed: int, scrambles: np.ndarray, first: int, co
         Which of the independent point sets, each in 0 .. SCRAMBLES - 1.
     first, count : int
         Range of the sequence.
+    columns : tuple of str
+        DIRECTION or UNIT.
 
     Returns
     -------
-    ndarray, (s, count, 6) float32
-        Columns b1, b2, 1 (position on the triangle) and x, y, z (direction about the normal).
+    ndarray, (s, count, 6 or 5) float32
+        Columns b1, b2, 1 (position on the triangle) and x, y, z (direction about the normal), or u, v in 0 .. 1.
     """
+    unit = unit_points(sampler, seed, scrambles, first, count)
+    table = np.empty((len(scrambles), count, 3 + len(columns)), np.float32)
+    table[..., 0:2] = sample_triangle(unit[..., 0:2])
+    table[..., 2] = 1.0
+    table[..., 3:] = unit[..., 2:4] if columns is UNIT else sample_cosine_hemisphere(unit[..., 2:4])
+    return table
+
+
+def unit_points(sampler: Sampler, seed: int, scrambles: np.ndarray, first: int, count: int) -> np.ndarray:
+    """Points of the four-dimensional unit cube, (s, count, 4) float64; parameters as for `ray_table`."""
     if sampler is Sampler.SOBOL:
         keys = sobol.DIMENSIONS * scrambles[:, None] + np.arange(sobol.DIMENSIONS)
         seeds = sobol.hash32(keys.astype(np.uint32) ^ sobol.hash32(np.uint32(seed)))
-        unit = sobol.to_unit(sobol.owen_scramble(sobol.sobol_points(first, count), seeds[:, None, :]))
-    else:
-        streams = [np.random.Philox(key=[seed, int(i)], counter=[0, 0, 0, first]) for i in scrambles]
-        unit = np.stack([np.random.Generator(stream).random((count, sobol.DIMENSIONS)) for stream in streams])
-    table = np.empty((len(scrambles), count, 6), np.float32)
-    table[..., 0:2] = sample_triangle(unit[..., 0:2])
-    table[..., 2] = 1.0
-    table[..., 3:6] = sample_cosine_hemisphere(unit[..., 2:4])
-    return table
+        return sobol.to_unit(sobol.owen_scramble(sobol.sobol_points(first, count), seeds[:, None, :]))
+    streams = [np.random.Philox(key=[seed, int(i)], counter=[0, 0, 0, first]) for i in scrambles]
+    return np.stack([np.random.Generator(stream).random((count, sobol.DIMENSIONS)) for stream in streams])

@@ -66,8 +66,8 @@ class BakeSettings:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "falloff", _member(Falloff, self.falloff, "falloff"))
-        object.__setattr__(self, "sampler", _member(Sampler, self.sampler, "sampler"))
+        object.__setattr__(self, "falloff", member_of(Falloff, self.falloff, "falloff"))
+        object.__setattr__(self, "sampler", member_of(Sampler, self.sampler, "sampler"))
         for name, low, high in (
             ("rays", 1, MAX_RAYS_PER_PATCH),
             ("ray_budget", 1, 1 << 62),
@@ -75,7 +75,7 @@ class BakeSettings:
             ("threads", 0, MAX_THREADS),
         ):
             if name != "ray_budget" or self.ray_budget is not None:
-                object.__setattr__(self, name, _whole(_LABELS[name], getattr(self, name), low, high))
+                object.__setattr__(self, name, whole_number(_LABELS[name], getattr(self, name), low, high))
         if self.distance is not None and not isinstance(self.distance, numbers.Real):
             raise SettingsError(f"distance must be a number, not {self.distance!r}")
         if self.distance is not None and not self.distance > 0.0:
@@ -96,7 +96,8 @@ class BakeSettings:
         return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
-def _member(kind: type[enum.Enum], value: object, name: str) -> enum.Enum:
+def member_of(kind: type[enum.Enum], value: object, name: str) -> enum.Enum:
+    """The member of an enum that a value stands for; raises SettingsError naming the choices."""
     try:
         return kind(value)
     except ValueError:
@@ -104,7 +105,8 @@ def _member(kind: type[enum.Enum], value: object, name: str) -> enum.Enum:
         raise SettingsError(f"{name} {value!r} is unknown: choose one of {choices}") from None
 
 
-def _whole(name: str, value: object, low: int, high: int) -> int:
+def whole_number(name: str, value: object, low: int, high: int) -> int:
+    """A value as an int within low .. high; raises SettingsError naming the range."""
     try:
         number = operator.index(value)
     except TypeError:

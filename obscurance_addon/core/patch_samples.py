@@ -1,0 +1,156 @@
+"""Sample points of patches, handed out to threads block by block: places on the patch jointly with directions."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from .patches import Cells
+from .ray_allocation import split_rays
+from .sampling import DIRECTION, SCRAMBLES, ray_table
+from .settings import BakeSettings, Sampler
+from .sobol import hash32
+
+BLOCK_RAYS = 32768  # per task: smaller ones pay Python's overhead, larger ones gain nothing and use more memory
+TABLE_ROWS = 1024  # samples of a sequence held at a time, so that memory does not grow with their number
+
+
+class PatchSamples:
+    """The samples of every cell; each patch reads the point set that its identity picks.
+
+    Parameters
+    ----------
+    cells : Cells
+    ids : ndarray, (p,) uint32
+        Stable identity of each patch.
+    per_patch : ndarray, (p,) int
+        Number of samples of each patch.
+    settings : BakeSettings
+        Sampler, seed and threads.
+    replicate : int
+        0 for the bake; other numbers give independent scramblings.
+    block_rays : int
+        Samples per task; results do not depend on it.
+
+    Attributes
+    ----------
+    start, count : ndarray, (c,) int64
+        Range of the sequence that each cell reads.
+    """
+
+    def __init__(
+        self,
+        cells: Cells,
+        ids: np.ndarray,
+        per_patch: np.ndarray,
+        settings: BakeSettings,
+        replicate: int = 0,
+        block_rays: int = BLOCK_RAYS,
+    ) -> None:
+        self.cells = cells
+        self.start, self.count = split_rays(cells.patch, cells.weight, per_patch)
+        self.block_rays = block_rays
+        self.scratch = Scratch()
+        self._sampler: Sampler = settings.sampler
+        self._seed = int(hash32(np.uint32(settings.seed) ^ hash32(np.uint32(replicate))))
+        self._threads = settings.thread_count()
+        self._scramble = scramble_of(ids, self._seed)
+
+    def run(
+        self, cells: np.ndarray, work: Callable[[np.ndarray, np.ndarray], None], columns: tuple[str, ...] = DIRECTION
+    ) -> int:
+        """Call `work(cells, rows)` from several threads for all samples of the cells (m,) int.
+
+        `rows` is (m, n, k) float32 with n samples of each cell, columns as of `sampling.ray_table`; it is overwritten
+        after the call. A cell may come in several calls, which never run at once.
+
+        Returns
+        -------
+        int
+            Number of samples.
+        """
+        if not len(cells):
+            return 0
+        total = 0
+        start, end = self.start[cells], self.start[cells] + self.count[cells]
+        sets, row_of_set = self._point_sets(cells)
+        with ThreadPoolExecutor(self._threads) as pool:
+            for first in range(0, int(end.max()), TABLE_ROWS):
+                low, high = np.maximum(start, first), np.minimum(end, first + TABLE_ROWS)
+                rows = min(TABLE_ROWS, int(end.max()) - first)
+                table = ray_table(self._sampler, self._seed, sets, first, rows, columns)
+                table = table.reshape(-1, table.shape[-1])
+                tasks = []
+                n_rays = np.maximum(high - low, 0)
+                for n in np.flatnonzero(np.bincount(n_rays)[1:]) + 1:  # cells with the same number of rays go together
+                    group = np.flatnonzero(n_rays == n)
+                    base = row_of_set[group] * rows + low[group] - first
+                    per_block = max(1, self.block_rays // int(n))
+                    for at in range(0, len(group), per_block):
+                        block = slice(at, at + per_block)
+                        tasks.append((cells[group[block]], base[block], int(n)))
+                total += sum(len(block) * n for block, _, n in tasks)
+
+                def task(part: tuple[np.ndarray, np.ndarray, int], table: np.ndarray = table) -> None:
+                    block, base, n = part
+                    work(block, self._take(table, base, n))
+
+                for _ in pool.map(task, tasks):
+                    pass
+        return total
+
+    def first_rows(self, cells: np.ndarray) -> np.ndarray:
+        """The first sample of each cell (m,) int, (m, 1, 6) float32."""
+        sets, row = self._point_sets(cells)
+        table = ray_table(self._sampler, self._seed, sets, 0, 1)
+        return self._take(table.reshape(-1, table.shape[-1]), row, 1)
+
+    def origins(self, cells: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Where the rays of rows (m, n, k) of cells (m,) start, (m n, 3) float32."""
+        out = self.scratch.array("origins", (*rows.shape[:2], 3))
+        return np.matmul(rows[..., :3], self.cells.frames[cells][..., :3], out=out).reshape(-1, 3)
+
+    def directions(self, cells: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Where the rays of rows (m, n, k >= 6) of cells (m,) go, (m n, 3) float32 unit vectors."""
+        out = self.scratch.array("directions", (*rows.shape[:2], 3))
+        return np.matmul(rows[..., 3:6], self.cells.frames[cells][..., 3:], out=out).reshape(-1, 3)
+
+    def _point_sets(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The point sets that the cells (m,) use, ascending, and for each cell the position of its set among them."""
+        scramble = self._scramble[self.cells.patch[cells]]
+        used = np.bincount(scramble, minlength=SCRAMBLES) > 0
+        return np.flatnonzero(used), (np.cumsum(used) - 1)[scramble]
+
+    def _take(self, table: np.ndarray, base: np.ndarray, n: int) -> np.ndarray:
+        """n rows of the table (t, k) from each of `base` (m,) on, (m, n, k) float32."""
+        m, width = len(base), table.shape[1]
+        rows = self.scratch.array("rows", (m, n * width))
+        if len(table) % n == 0 and not (base % n).any():  # whole groups of rows are copied at once
+            np.take(table.reshape(-1, n * width), base // n, axis=0, mode="clip", out=rows)
+        else:
+            index = (base[:, None] + np.arange(n)).ravel()
+            np.take(table, index, axis=0, mode="clip", out=rows.reshape(-1, width))
+        return rows.reshape(m, n, width)
+
+
+def scramble_of(ids: np.ndarray, seed: int) -> np.ndarray:
+    """The point set that each identity (p,) uint32 picks under a seed, (p,) int64 in 0 .. SCRAMBLES - 1."""
+    return (hash32(ids.astype(np.uint32) ^ np.uint32(seed)) % np.uint32(SCRAMBLES)).astype(np.int64)
+
+
+class Scratch(threading.local):
+    """Arrays that each thread uses again for every block: fresh memory costs more than the work done in it."""
+
+    def __init__(self) -> None:
+        self._arrays: dict[str, np.ndarray] = {}
+
+    def array(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
+        """An uninitialised float32 array, C-contiguous; the one of the same name from before is overwritten."""
+        size = math.prod(shape)
+        if name not in self._arrays or self._arrays[name].size < size:
+            self._arrays[name] = np.empty(size, np.float32)
+        return self._arrays[name][:size].reshape(shape)

@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .ambient import mean_reflectance
 from .embree import EmbreeIntersector
 from .errors import GeometryError
 from .filling import fill_invalid
 from .obscurance import ObscuranceSums, gather_obscurances
 from .patch_samples import BLOCK_RAYS
-from .patches import Normalisation, Patches, Surfaces, bounding_box, slices, triangle_areas, usable_triangles
+from .patches import Normalisation, Patches, Surfaces, bounding_box, usable_triangles
 from .ray_allocation import allocate_rays
 from .ray_casting import Intersector
 from .settings import BakeSettings
@@ -55,6 +56,8 @@ class Obscurances:
     r_ave : ndarray, (3,) float64
         Mean reflectance of the scene's surfaces, patches inside of solids left out.
     use_bleeding : bool
+    repeated : ndarray, (p, 4) float64
+        `coloured` and `grey` from independent points for the sample of patches that tells the error; else NaN.
     rmse, grey_rmse : ndarray, (3,) float64, and float
         Estimated root mean square error of `coloured` and of `grey` over patches, from independent point sets.
     d_max : float
@@ -73,6 +76,7 @@ class Obscurances:
     valid: np.ndarray
     r_ave: np.ndarray
     use_bleeding: bool
+    repeated: np.ndarray
     rmse: np.ndarray
     grey_rmse: float
     d_max: float
@@ -84,13 +88,20 @@ class Obscurances:
 
     def white(self) -> np.ndarray:
         """W / R_ave per channel, (p, 3) float64: an open patch is 1. Eq. 2 without bleeding or where R_ave is 0."""
-        white = self._white()
-        return np.where(white > 0.0, self.coloured / np.where(white > 0.0, white, 1.0), self.grey[:, None])
+        return self._as_white(self.coloured, self.grey)
+
+    def white_again(self) -> np.ndarray:
+        """`white` of the repeated estimates, (p, 3) float64, NaN where there is none."""
+        return self._as_white(self.repeated[:, :3], self.repeated[:, 3])
 
     def white_rmse(self) -> np.ndarray:
         """Estimated error of `white`, (3,) float64."""
         white = self._white()
         return np.where(white > 0.0, self.rmse / np.where(white > 0.0, white, 1.0), self.grey_rmse)
+
+    def _as_white(self, coloured: np.ndarray, grey: np.ndarray) -> np.ndarray:
+        white = self._white()
+        return np.where(white > 0.0, coloured / np.where(white > 0.0, white, 1.0), grey[:, None])
 
     def _white(self) -> np.ndarray:
         """Value of an open patch per channel, (3,) float64."""
@@ -139,12 +150,42 @@ def bake_obscurances(
     began = time.perf_counter()
     scene, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector)
     built = time.perf_counter()
+    result = obscurances_in(
+        scene,
+        normalisation,
+        d_max,
+        surfaces,
+        patches.ids,
+        settings,
+        neighbours=neighbours,
+        patch_reflectance=patch_reflectance,
+        monitor=monitor,
+        block_rays=block_rays,
+    )
+    result.seconds["build"] = built - began
+    return result
 
-    sample = _error_sample(patches.ids)
+
+def obscurances_in(
+    scene: TracedScene,
+    normalisation: Normalisation,
+    d_max: float,
+    surfaces: Surfaces,
+    ids: np.ndarray,
+    settings: BakeSettings,
+    *,
+    neighbours: tuple[np.ndarray, np.ndarray] | None,
+    patch_reflectance: np.ndarray | None,
+    monitor: Monitor,
+    block_rays: int,
+) -> Obscurances:
+    """`bake_obscurances` once the scene is built: scene, normalisation and d_max as from `build_scene`."""
+    began = time.perf_counter()
+    sample = error_sample(ids)
     per_patch = allocate_rays(scene.cells.area, settings)
     monitor.phase("trace", int(per_patch.sum() + per_patch[sample].sum()))
     cast = functools.partial(
-        gather_obscurances, ids=patches.ids, settings=settings, progress=monitor.advance, block_rays=block_rays
+        gather_obscurances, ids=ids, settings=settings, progress=monitor.advance, block_rays=block_rays
     )
     sums = cast(scene)
     second = cast(dataclasses.replace(scene, cells=scene.cells.of_patches(sample)), replicate=1)
@@ -152,8 +193,8 @@ def bake_obscurances(
 
     r_ave = mean_reflectance(surfaces, scene.cells.area * normalisation.scale**2, sums.valid, patch_reflectance)
     values, again = (_values(s, r_ave, settings.use_bleeding) for s in (sums, second))
-    difference = (values - again)[sample & (sums.valid > 0.0) & (second.valid > 0.0)]
-    rmse = np.sqrt((difference**2).sum(0) / (2.0 * max(len(difference), 1)))
+    again[~(sample & (sums.valid > 0.0) & (second.valid > 0.0))] = np.nan
+    rmse = half_difference(values, again)
     valid = sums.valid > 0.0
     fill_invalid(values, valid, np.append(r_ave if settings.use_bleeding else np.ones(3), 1.0), neighbours)
     return Obscurances(
@@ -162,15 +203,22 @@ def bake_obscurances(
         valid=valid,
         r_ave=r_ave,
         use_bleeding=settings.use_bleeding,
+        repeated=again,
         rmse=rmse[:3],
         grey_rmse=float(rmse[3]),
         d_max=d_max,
         rays=sums.rays,
         error_rays=second.rays,
         sums=sums,
-        seconds={"build": built - began, "trace": traced - built},
+        seconds={"build": 0.0, "trace": traced - began},
         warnings=_warnings(scene, d_max, normalisation.scale),
     )
+
+
+def half_difference(values: np.ndarray, again: np.ndarray) -> np.ndarray:
+    """Root mean square error (k,) of values (p, k), from independent estimates of some; NaN rows of `again` are out."""
+    difference = (values - again)[~np.isnan(again).any(1)]
+    return np.sqrt((difference**2).sum(0) / (2.0 * max(len(difference), 1)))
 
 
 def scene_diagonal(surfaces: Surfaces) -> float:
@@ -179,48 +227,17 @@ def scene_diagonal(surfaces: Surfaces) -> float:
     return float(np.linalg.norm(high - low))
 
 
-def mean_reflectance(
-    surfaces: Surfaces, patch_area: np.ndarray, exposed: np.ndarray, patch_reflectance: np.ndarray | None
-) -> np.ndarray:
-    """R_ave = sum A_i R_i / A_total per channel, over all surfaces but the parts of patches hidden inside of solids.
-
-    Parameters
-    ----------
-    surfaces : Surfaces
-    patch_area : ndarray, (p,) float64
-        Square metres.
-    exposed : ndarray, (p,) float64
-        Share of each patch outside of solids, 0 .. 1.
-    patch_reflectance : ndarray, (p, 3) float, or None
-        None leaves nothing out.
-
-    Returns
-    -------
-    ndarray, (3,) float64
-    """
-    triangles = surfaces.triangles
-    area = np.empty(len(triangles))
-    for part in slices(len(triangles)):
-        area[part] = triangle_areas(surfaces.vertices[triangles[part]])
-    area[~np.isfinite(area)] = 0.0
-    total, weighted = area.sum(), area @ surfaces.reflectance.astype(np.float64)
-    if patch_reflectance is not None:
-        hidden = patch_area * (1.0 - exposed)
-        if hidden.sum() < (1.0 - 1e-9) * total:
-            total, weighted = total - hidden.sum(), weighted - hidden @ patch_reflectance
-    return np.clip(weighted / total, 0.0, 1.0) if total > 0.0 else np.zeros(3)
-
-
 def build_scene(
     surfaces: Surfaces,
     patches: Patches,
     settings: BakeSettings,
     monitor: Monitor | None = None,
     intersector: Callable[..., Intersector] = EmbreeIntersector,
+    whole: bool = False,
 ) -> tuple[TracedScene, Normalisation, float]:
     """Keep what rays can reach and float32 can trace, and build the ray tracer over it.
 
-    Parameters as for `bake_obscurances`.
+    Parameters as for `bake_obscurances`; `whole` keeps what is farther than d_max too.
 
     Returns
     -------
@@ -232,10 +249,10 @@ def build_scene(
     monitor = monitor or Monitor()
     normalisation = Normalisation.of(patches.corners)
     d_max = settings.max_distance(scene_diagonal(surfaces))
-    kept = _triangles_in_reach(surfaces, patches, d_max)
+    kept = np.arange(len(surfaces.triangles)) if whole else _triangles_in_reach(surfaces, patches, d_max)
     vertices = normalisation.apply(surfaces.vertices)
     kept = kept[usable_triangles(vertices, surfaces.triangles[kept])]
-    reached = Surfaces(vertices, surfaces.triangles[kept], surfaces.reflectance[kept], surfaces.solid[kept])
+    reached = surfaces.only(kept, vertices)
     monitor.phase("build", len(kept))
     done = 0
 
@@ -267,7 +284,7 @@ def _triangles_in_reach(surfaces: Surfaces, patches: Patches, d_max: float) -> n
     return np.flatnonzero(in_reach)
 
 
-def _error_sample(ids: np.ndarray) -> np.ndarray:
+def error_sample(ids: np.ndarray) -> np.ndarray:
     """(p,) bool: the patches to bake twice, spread evenly by a hash of their identity."""
     size = max(ERROR_SAMPLE_MIN, len(ids) // ERROR_SAMPLE_FRACTION)
     sample = np.zeros(len(ids), bool)

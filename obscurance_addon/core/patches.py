@@ -42,6 +42,10 @@ class Surfaces:
         Triangles of closed solids seen from outside (`core.solids.solid_triangles`).
     object_starts : ndarray, (o,) int
         First triangle of each object; objects out of reach of the patches are not traced.
+    emission : ndarray, (t, 3) float32, or None
+        Emitted radiant exitance, W/m^2; only light needs it.
+    patch : ndarray, (t,) int32, or None
+        The patch of which each triangle is a part, -1 for none; only radiosity needs it.
     """
 
     vertices: np.ndarray
@@ -49,6 +53,15 @@ class Surfaces:
     reflectance: np.ndarray
     solid: np.ndarray
     object_starts: np.ndarray = field(default_factory=lambda: np.zeros(1, np.int64))
+    emission: np.ndarray | None = None
+    patch: np.ndarray | None = None
+
+    def only(self, kept: np.ndarray, vertices: np.ndarray) -> Surfaces:
+        """Some of the triangles (k,) int, with other positions (v, 3) of all vertices; objects are not told apart."""
+        emission, patch = (None if values is None else values[kept] for values in (self.emission, self.patch))
+        return Surfaces(
+            vertices, self.triangles[kept], self.reflectance[kept], self.solid[kept], emission=emission, patch=patch
+        )
 
 
 @dataclass(frozen=True)
@@ -71,6 +84,19 @@ class Patches:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    @classmethod
+    def none(cls) -> Patches:
+        """No patch at all."""
+        return cls(np.zeros((0, 3, 3)), np.zeros(0, np.int64), np.zeros(0, np.uint32))
+
+    def with_others(self, others: Patches) -> Patches:
+        """These patches, then the others."""
+        return Patches(
+            np.concatenate([self.corners, others.corners]),
+            np.concatenate([self.patch, others.patch + len(self)]),
+            np.concatenate([self.ids, others.ids]),
+        )
 
 
 @dataclass(frozen=True)

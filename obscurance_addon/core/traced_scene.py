@@ -22,6 +22,8 @@ class TracedScene:
     Attributes
     ----------
     cells : Cells
+    surfaces : Surfaces
+        In normalised coordinates, in the order in which `intersector` numbers triangles.
     intersector : Intersector
     palette : ndarray, (t + 1, 4) float32, or None
         Reflectance and 1 of each triangle, row 0 for misses; None where hits add no colour.
@@ -35,6 +37,7 @@ class TracedScene:
     """
 
     cells: Cells
+    surfaces: Surfaces
     intersector: Intersector
     palette: np.ndarray | None
     solid: np.ndarray | None
@@ -79,6 +82,7 @@ def prepare_scene(
     limit = np.float32(np.clip(d_max / normalisation.scale, NEAR, FAR))
     return TracedScene(
         prepare_cells(patches, normalisation, settings.thread_count()),
+        surfaces,
         intersector,
         palette,
         solid,

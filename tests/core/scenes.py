@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from obscurance_addon.core.bake import Obscurances, bake_obscurances
+from obscurance_addon.core.light_bake import BakedLight, LightSources, PatchMaterials, bake_light
+from obscurance_addon.core.light_settings import LightSettings
 from obscurance_addon.core.patches import Patches, Surfaces
 from obscurance_addon.core.ray_casting import BruteForceIntersector
 from obscurance_addon.core.settings import BakeSettings
@@ -24,6 +26,7 @@ class Mesh:
     triangles: np.ndarray  # (t, 3) int32
     face: np.ndarray  # (t,) int64, ascending
     reflectance: np.ndarray  # (f, 3) float32
+    emission: np.ndarray | None = None  # (f, 3) float32 radiant exitance, None for dark ones
 
     @property
     def faces(self) -> int:
@@ -31,6 +34,13 @@ class Mesh:
 
     def coloured(self, colour: Sequence[float]) -> Mesh:
         return replace(self, reflectance=np.tile(np.float32(colour), (self.faces, 1)))
+
+    def shining(self, exitance: Sequence[float]) -> Mesh:
+        return replace(self, emission=np.tile(np.float32(exitance), (self.faces, 1)))
+
+    def emitted(self) -> np.ndarray:
+        """(f, 3) radiant exitance of each face."""
+        return np.zeros((self.faces, 3), np.float32) if self.emission is None else self.emission
 
     def moved(self, matrix: np.ndarray | float = 1.0, offset: Sequence[float] = (0.0, 0.0, 0.0)) -> Mesh:
         """Vertices times a scalar or 3 x 3 matrix, plus an offset; the order of corners stays."""
@@ -99,6 +109,7 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
         np.concatenate([m.triangles + np.int32(v) for m, v in zip(meshes, vertex, strict=False)]),
         np.concatenate([m.face + f for m, f in zip(meshes, face, strict=False)]),
         np.concatenate([m.reflectance for m in meshes]),
+        np.concatenate([m.emitted() for m in meshes]),
     )
 
 
@@ -162,12 +173,37 @@ class Scene:
     patches: Patches
     patch_reflectance: np.ndarray
     area: np.ndarray
+    others: Patches
+    materials: PatchMaterials
 
     def bake(self, settings: BakeSettings | None = None, *, brute: bool = False, **kw: object) -> Obscurances:
         """Bake with Embree, or with the brute force reference."""
         if brute:
             kw["intersector"] = brute_force
         return bake_obscurances(self.surfaces, self.patches, settings or BakeSettings(), **kw)
+
+
+    def bake_light(
+        self,
+        quantity: str,
+        lamps: Sequence[object] = (),
+        settings: BakeSettings | None = None,
+        *,
+        world: Sequence[float] = (0.0, 0.0, 0.0),
+        brute: bool = False,
+        **light: object,
+    ) -> BakedLight:
+        """Bake light with Embree, or with the brute force reference."""
+        return bake_light(
+            self.surfaces,
+            self.patches,
+            self.others,
+            self.materials,
+            LightSources(tuple(lamps), np.asarray(world, float)),
+            settings or BakeSettings(),
+            LightSettings(quantity, **light),
+            **({"intersector": brute_force} if brute else {}),
+        )
 
 
 def brute_force(vertices: np.ndarray, triangles: np.ndarray, _progress: object) -> BruteForceIntersector:
@@ -186,10 +222,22 @@ def scene(baked: Sequence[Mesh], others: Sequence[Mesh] = (), ids: np.ndarray | 
         all_of_it.reflectance[all_of_it.face],
         np.concatenate([solid_triangles(m.vertices, m.triangles) for m in everything]),
         starts,
+        all_of_it.emitted()[all_of_it.face],
+        all_of_it.face.astype(np.int32),
     )
     ids = np.arange(patches.faces, dtype=np.uint32) if ids is None else ids
     with np.errstate(invalid="ignore", over="ignore"):
-        return Scene(surfaces, Patches(patches.corners(), patches.face, ids), patches.reflectance, patches.areas())
+        around = join(others) if others else None
+        return Scene(
+            surfaces,
+            Patches(patches.corners(), patches.face, ids),
+            patches.reflectance,
+            patches.areas(),
+            Patches.none()
+            if around is None
+            else Patches(around.corners(), around.face, np.arange(1 << 20, (1 << 20) + around.faces, dtype=np.uint32)),
+            PatchMaterials(all_of_it.reflectance.astype(float), all_of_it.emitted().astype(float)),
+        )
 
 
 def rotation(seed: int) -> np.ndarray:

@@ -1,0 +1,100 @@
+"""The ambient light I_A, and the mean reflectance that it depends on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .patches import Surfaces, slices, triangle_areas
+
+
+@dataclass(frozen=True)
+class AmbientLight:
+    """What surroundings out of reach, and bounces that are not followed, are worth.
+
+    Attributes
+    ----------
+    irradiance : ndarray, (3,) float64
+        What an open patch receives of it, W/m^2: indirect light is I = R x (W / R_ave) x irradiance.
+    r_ave : ndarray, (3,) float64
+    openness : float
+        1 - C: share of the hemisphere, averaged over all surfaces, in which there is none.
+    use_bleeding : bool
+    """
+
+    irradiance: np.ndarray
+    r_ave: np.ndarray
+    openness: float
+    use_bleeding: bool
+
+    def intensity(self) -> np.ndarray:
+        """I_A as the 2003 paper defines it, (3,) W/m^2: by eq. 4 with bleeding, where W carries an R, else by eq. 3."""
+        if not self.use_bleeding:
+            return self.irradiance
+        return np.where(self.r_ave > 0.0, self.irradiance / np.where(self.r_ave > 0.0, self.r_ave, 1.0), 0.0)
+
+
+def ambient_from_emission(flux: np.ndarray, area: float, r_ave: np.ndarray) -> np.ndarray:
+    """Ambient irradiance (3,) W/m^2 from all that is emitted: R_ave / (1 - R_ave) x sum A E / A_total (eqs. 3, 4).
+
+    Parameters
+    ----------
+    flux : ndarray, (3,)
+        sum A_i E_i, W.
+    area : float
+        A_total, m^2.
+    r_ave : ndarray, (3,)
+        0 .. 1, without 1.
+    """
+    return r_ave * flux / (area * (1.0 - r_ave))
+
+
+def ambient_from_received(flux: np.ndarray, area: float, r_ave: np.ndarray, openness: float) -> np.ndarray:
+    """Ambient irradiance (3,) W/m^2 from the direct light that surfaces scatter: sum A R H / (A_total (1 - C R_ave)).
+
+    It equals `ambient_from_emission` where R is the same everywhere and the scene is closed (C = 1). It knows on which
+    colour light falls, and that light leaves a scene through its openings at every bounce.
+
+    Parameters
+    ----------
+    flux : ndarray, (3,)
+        sum A_i R_i H_i, W.
+    area, r_ave
+        As for `ambient_from_emission`.
+    openness : float
+        1 - C, 0 .. 1.
+    """
+    return flux / (area * (1.0 - (1.0 - openness) * r_ave))
+
+
+def mean_reflectance(
+    surfaces: Surfaces, patch_area: np.ndarray, exposed: np.ndarray, patch_reflectance: np.ndarray | None
+) -> np.ndarray:
+    """R_ave = sum A_i R_i / A_total per channel, over all surfaces but the parts of patches hidden inside of solids.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+    patch_area : ndarray, (p,) float64
+        Square metres.
+    exposed : ndarray, (p,) float64
+        Share of each patch outside of solids, 0 .. 1.
+    patch_reflectance : ndarray, (p, 3) float, or None
+        None leaves nothing out.
+
+    Returns
+    -------
+    ndarray, (3,) float64
+    """
+    triangles = surfaces.triangles
+    area = np.empty(len(triangles))
+    for part in slices(len(triangles)):
+        area[part] = triangle_areas(surfaces.vertices[triangles[part]])
+    area[~np.isfinite(area)] = 0.0
+    total, weighted = area.sum(), area @ surfaces.reflectance.astype(np.float64)
+    if patch_reflectance is not None:
+        hidden = patch_area * (1.0 - exposed)
+        if hidden.sum() < (1.0 - 1e-9) * total:
+            total, weighted = total - hidden.sum(), weighted - hidden @ patch_reflectance
+    return np.clip(weighted / total, 0.0, 1.0) if total > 0.0 else np.zeros(3)

@@ -1,0 +1,212 @@
+"""Direct light: what patches receive from lamps, emissive faces and the world, with shadows.
+
+H(i) = 1/N sum_j E_j over the same sample points as the obscurances: places on the patch jointly with points on each
+lamp, or with directions. Soft sources and the extent of the patch are integrated by the same four-dimensional points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .emissive_triangles import EmissiveTriangles
+from .first_hits import pass_doubled_faces, starts_inside
+from .lamps import Lamp
+from .patch_samples import BLOCK_RAYS, PatchSamples
+from .sampling import UNIT
+from .settings import BakeSettings
+from .traced_scene import FAR, TracedScene
+
+SPARSE_RAYS = 4  # of a patch of which only a share in a sum over the scene is asked
+
+_HIT, _DROPPED = 3, 4  # columns of the sums over unlimited rays behind the irradiance
+
+
+@dataclass(frozen=True)
+class LitScene:
+    """A scene with its light, ready for casting.
+
+    Attributes
+    ----------
+    traced : TracedScene
+        All surfaces; its cells are those of all patches that scatter light, first those to bake.
+    ids : ndarray, (p,) uint32
+        Stable identity of each patch.
+    lamps : tuple of Lamp
+    emitters : EmissiveTriangles or None
+    world : ndarray, (3,)
+        Constant radiance of the world, W/(m^2 sr).
+    """
+
+    traced: TracedScene
+    ids: np.ndarray
+    lamps: tuple[Lamp, ...]
+    emitters: EmissiveTriangles | None
+    world: np.ndarray
+
+    @property
+    def sources(self) -> list[Lamp]:
+        """Everything that shadow rays are sent to."""
+        return [*self.lamps, *([self.emitters] if self.emitters else [])]
+
+    @property
+    def shines_on_rays(self) -> bool:
+        """Whether rays without a limit meet anything that shines."""
+        return self.emitters is not None or bool(self.world.any())
+
+
+@dataclass(frozen=True)
+class DirectLight:
+    """What patches receive.
+
+    Attributes
+    ----------
+    irradiance : ndarray, (p, 3) float64
+        W/m^2, mean over the part of each patch outside of solids; 0 where there is none.
+    valid : ndarray, (p,) float64
+        Share of each patch outside of solids.
+    hit_share : ndarray, (p,) float64
+        Share of the hemisphere, cosine weighted, in which there is any surface.
+    rays : int
+    unreached : list of str
+        Lamps that face patches, but light none.
+    """
+
+    irradiance: np.ndarray
+    valid: np.ndarray
+    hit_share: np.ndarray
+    rays: int
+    unreached: list[str]
+
+
+def gather_direct_light(
+    scene: LitScene,
+    per_patch: np.ndarray,
+    settings: BakeSettings,
+    *,
+    valid: np.ndarray | None = None,
+    replicate: int = 0,
+    progress: Callable[[int], None] = lambda _rays: None,
+    block_rays: int = BLOCK_RAYS,
+) -> DirectLight:
+    """Cast shadow rays to all sources, and rays without a limit to what cannot be sampled otherwise.
+
+    Parameters
+    ----------
+    scene : LitScene
+    per_patch : ndarray, (p,) int
+        Samples for each patch and source.
+    settings : BakeSettings
+        Sampler, seed and threads.
+    valid : ndarray, (q,) float64, q <= p, optional
+        Known shares outside of solids of the first patches, from as many rays of the same points.
+    replicate : int
+        0 for the bake; other numbers give independent samples.
+    progress : callable
+        Called from any thread with the number of rays just cast; may raise to cancel.
+    block_rays : int
+
+    Returns
+    -------
+    DirectLight
+        Bit for bit the same for any number of threads and any block size.
+    """
+    cells, n_patches = scene.traced.cells, len(scene.traced.cells.area)
+    every = np.arange(len(cells.patch))
+    shadows = _ShadowRays(scene, PatchSamples(cells, scene.ids, per_patch, settings, replicate, block_rays), progress)
+    rays = shadows.samples.run(every, shadows.cast, UNIT) * len(scene.sources) if scene.sources else 0
+    sparse = np.minimum(per_patch, SPARSE_RAYS)
+    known = 0 if valid is None else len(valid)
+    if not scene.shines_on_rays:  # then they only tell what is inside of solids, and how open the scene is
+        per_patch = np.concatenate([sparse[:known], per_patch[known:]])
+    far = _FarRays(scene, PatchSamples(cells, scene.ids, per_patch, settings, replicate, block_rays), progress)
+    rays += far.samples.run(every, far.cast)
+
+    def per_patch_mean(sums: np.ndarray, samples: PatchSamples) -> np.ndarray:
+        share = cells.weight / samples.count
+        return np.stack([np.bincount(cells.patch, column * share, n_patches) for column in sums.T], -1)
+
+    found = per_patch_mean(far.sums, far.samples)
+    irradiance = per_patch_mean(shadows.sums, shadows.samples) + found[:, :3]
+    exposed = np.bincount(cells.patch, cells.weight, n_patches) - found[:, _DROPPED]
+    exposed[exposed < 1e-9] = 0.0
+    if valid is not None:
+        exposed[:known] = valid
+    divisor = np.where(exposed > 0.0, exposed, 1.0)
+    irradiance[exposed == 0.0] = 0.0
+    return DirectLight(
+        irradiance=irradiance / divisor[:, None],
+        valid=exposed,
+        hit_share=np.clip(found[:, _HIT] / divisor, 0.0, 1.0),
+        rays=rays,
+        unreached=[
+            source.name
+            for source, tried, reached in zip(scene.sources, shadows.tried, shadows.reached, strict=True)
+            if tried and not reached
+        ],
+    )
+
+
+class _ShadowRays:
+    """Sums per cell over rays to points on the sources; every block writes its own cells."""
+
+    def __init__(self, scene: LitScene, samples: PatchSamples, progress: Callable[[int], None]) -> None:
+        self.scene, self.samples, self.progress = scene, samples, progress
+        self.sums = np.zeros((len(scene.traced.cells.patch), 3))
+        self.tried = np.zeros(len(scene.sources), bool)
+        self.reached = np.zeros(len(scene.sources), bool)
+
+    def cast(self, cells: np.ndarray, rows: np.ndarray) -> None:
+        """Add rows (m, n, 5) of cells (m,)."""
+        m, n = rows.shape[:2]
+        traced = self.scene.traced
+        origins = self.samples.origins(cells, rows)
+        normals = np.repeat(traced.cells.frames[cells, 2, 3:], n, axis=0)
+        unit = rows[..., 3:5].reshape(-1, 2)
+        total = np.zeros((m, 3))
+        for index, source in enumerate(self.scene.sources):
+            sample = source.sample(origins, normals, unit)
+            cosine = np.einsum("ij,ij->i", sample.direction, normals)
+            lit = np.flatnonzero((cosine > 0.0) & (sample.received > 0.0).any(1))
+            if len(lit):
+                self.tried[index] = True
+                if source.casts_shadow:
+                    blocked = traced.intersector.occluded(origins[lit], sample.direction[lit], sample.distance[lit])
+                    lit = lit[~blocked]
+                self.reached[index] |= len(lit) > 0
+            irradiance = np.zeros((m * n, 3), np.float32)
+            irradiance[lit] = sample.received[lit] * cosine[lit, None]
+            total += irradiance.reshape(m, n, 3).sum(1, dtype=np.float64)
+            self.progress(m * n)
+        self.sums[cells] += total
+
+
+class _FarRays:
+    """Sums per cell over rays without a limit."""
+
+    def __init__(self, scene: LitScene, samples: PatchSamples, progress: Callable[[int], None]) -> None:
+        self.scene, self.samples, self.progress = scene, samples, progress
+        self.sums = np.zeros((len(scene.traced.cells.patch), 5))
+        self._sky = np.float32(np.pi * scene.world)
+
+    def cast(self, cells: np.ndarray, rows: np.ndarray) -> None:
+        """Add rows (m, n, 6) of cells (m,)."""
+        m, n = rows.shape[:2]
+        traced = self.scene.traced
+        origins, directions = self.samples.origins(cells, rows), self.samples.directions(cells, rows)
+        hits = traced.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
+        pass_doubled_faces(traced, cells, n, origins, directions, FAR, hits)
+        met = hits.triangle >= 0
+        if self.scene.shines_on_rays:
+            found = np.where(met[:, None], np.float32(0.0), self._sky)
+            if self.scene.emitters is not None:
+                found += self.scene.emitters.met(hits, directions, rows[..., 5].ravel())
+            self.sums[cells, :3] += found.reshape(m, n, 3).sum(1, dtype=np.float64)
+        if traced.solid is not None:
+            inside = starts_inside(traced, directions, hits)
+            met &= ~inside
+            self.sums[cells, _DROPPED] += np.count_nonzero(inside.reshape(m, n), axis=1)
+        self.sums[cells, _HIT] += np.count_nonzero(met.reshape(m, n), axis=1)
+        self.progress(m * n)

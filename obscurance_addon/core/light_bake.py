@@ -1,0 +1,410 @@
+"""One bake of light: direct light, the ambient term with the obscurances, and radiosity to compare with.
+
+Every step is a function of its own elsewhere; here they come in order, with the bookkeeping of what is unshot.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .ambient import AmbientLight, ambient_from_emission, ambient_from_received, mean_reflectance
+from .bake import Monitor, Obscurances, build_scene, error_sample, half_difference, obscurances_in
+from .direct_light import SPARSE_RAYS, DirectLight, LitScene, gather_direct_light
+from .embree import EmbreeIntersector
+from .emissive_triangles import LUMINANCE, EmissiveTriangles
+from .errors import GeometryError
+from .filling import fill_invalid
+from .lamps import Lamp
+from .light_settings import Ambient, LightSettings, Quantity
+from .patch_samples import BLOCK_RAYS
+from .patches import Patches, Surfaces, prepare_cells
+from .radiosity import check_size, gather_form_factors, solve_radiosity
+from .ray_allocation import allocate_rays
+from .ray_casting import Intersector
+from .secondary_reflectors import MAX_OTHER_RECEIVERS, Reflectors, choose_reflectors, redistribute
+from .settings import BakeSettings
+
+
+@dataclass(frozen=True)
+class LightSources:
+    """The light of a scene, but for its emissive faces.
+
+    Attributes
+    ----------
+    lamps : tuple of Lamp
+        In the world's metres.
+    world : ndarray, (3,) float64
+        Constant radiance of the world, W/(m^2 sr).
+    """
+
+    lamps: tuple[Lamp, ...] = ()
+    world: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True)
+class PatchMaterials:
+    """What all patches of a scene scatter and emit: first those to bake, then those around them.
+
+    Attributes
+    ----------
+    reflectance : ndarray, (p, 3) float64
+    emission : ndarray, (p, 3) float64
+        Radiant exitance, W/m^2.
+    """
+
+    reflectance: np.ndarray
+    emission: np.ndarray
+
+
+@dataclass(frozen=True)
+class BakedLight:
+    """What a bake of light computed.
+
+    Attributes
+    ----------
+    radiance : ndarray, (p, 3) float64
+        Of the quantity asked for, W/(m^2 sr), as it leaves each patch.
+    rmse : ndarray, (3,) float64
+        Estimated root mean square error of `radiance` over patches.
+    valid : ndarray, (p,) bool
+        As in `Obscurances`.
+    r_ave : ndarray, (3,) float64
+    d_max : float
+        Metres; 0 where no obscurances were needed.
+    rays, error_rays : int
+    ambient : AmbientLight or None
+    reflectors : int
+        Secondary reflectors that redistributed light.
+    reflected_share : float
+        Share of the scattered direct light that they held.
+    seconds : dict of str to float
+        Per phase: build, trace, light.
+    warnings : list of str
+    """
+
+    radiance: np.ndarray
+    rmse: np.ndarray
+    valid: np.ndarray
+    r_ave: np.ndarray
+    d_max: float
+    rays: int
+    error_rays: int
+    ambient: AmbientLight | None
+    reflectors: int
+    reflected_share: float
+    seconds: dict[str, float]
+    warnings: list[str]
+
+
+def bake_light(
+    surfaces: Surfaces,
+    patches: Patches,
+    others: Patches,
+    materials: PatchMaterials,
+    sources: LightSources,
+    settings: BakeSettings,
+    light: LightSettings,
+    *,
+    neighbours: tuple[np.ndarray, np.ndarray] | None = None,
+    monitor: Monitor | None = None,
+    intersector: Callable[..., Intersector] = EmbreeIntersector,
+    block_rays: int = BLOCK_RAYS,
+) -> BakedLight:
+    """Compute the light that leaves patches.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+        All that rays can hit, with emission; for RADIOSITY with the patch of each triangle, counted over both sets.
+    patches : Patches
+        To bake.
+    others : Patches
+        All other surfaces that scatter light, cut up; may be empty.
+    materials : PatchMaterials
+    sources : LightSources
+    settings : BakeSettings
+    light : LightSettings
+    neighbours, monitor, intersector, block_rays
+        As for `bake.bake_obscurances`.
+
+    Raises
+    ------
+    GeometryError
+        When there is nothing to bake, or too much for radiosity.
+    BakeCancelledError
+        When the monitor says so.
+    """
+    if not len(patches):
+        raise GeometryError("there is no face to bake")
+    bake = _LightBake(surfaces, patches, others, materials, sources, settings, light, monitor or Monitor(), block_rays)
+    return bake.run(neighbours, intersector)
+
+
+class _LightBake:
+    """The state of one bake: geometry, direct light, what is unshot."""
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        patches: Patches,
+        others: Patches,
+        materials: PatchMaterials,
+        sources: LightSources,
+        settings: BakeSettings,
+        light: LightSettings,
+        monitor: Monitor,
+        block_rays: int,
+    ) -> None:
+        self.surfaces, self.patches, self.others, self.materials = surfaces, patches, others, materials
+        self.sources, self.settings, self.light = sources, settings, light
+        self.monitor, self.block_rays = monitor, block_rays
+        self.n = len(patches)
+        self.rays = self.error_rays = 0
+        self.reflectors: Reflectors | None = None
+
+    def run(
+        self, neighbours: tuple[np.ndarray, np.ndarray] | None, intersector: Callable[..., Intersector]
+    ) -> BakedLight:
+        """All steps in order."""
+        began = time.perf_counter()
+        quantity = self.light.quantity
+        if quantity is Quantity.RADIOSITY:
+            check_size(self.n + len(self.others), (self.n + len(self.others)) * self.settings.rays)
+        self._build(intersector)
+        built = time.perf_counter()
+        obscurances = None
+        if quantity in (Quantity.AMBIENT, Quantity.COMBINED):
+            obscurances = self._obscurances(neighbours)
+        traced = time.perf_counter()
+        self._light_up(obscurances)
+        warnings = self._lamp_warnings() + (obscurances.warnings if obscurances else [])
+        values, again, ambient = {
+            Quantity.DIRECT: lambda _: self._direct(),
+            Quantity.AMBIENT: self._with_ambient,
+            Quantity.COMBINED: self._with_ambient,
+            Quantity.RADIOSITY: lambda _: self._radiosity(),
+        }[quantity](obscurances)
+        valid = self.direct.valid[: self.n] > 0.0
+        again[~valid] = np.nan
+        rmse = half_difference(values, again)
+        fill_invalid(values, valid, np.zeros(3), neighbours)
+        return BakedLight(
+            radiance=values / np.pi,
+            rmse=rmse / np.pi,
+            valid=valid,
+            r_ave=obscurances.r_ave if obscurances else self._mean_reflectance(),
+            d_max=obscurances.d_max if obscurances else 0.0,
+            rays=self.rays,
+            error_rays=self.error_rays,
+            ambient=ambient,
+            reflectors=len(self.reflectors) if self.reflectors else 0,
+            reflected_share=self.reflectors.light_share if self.reflectors else 0.0,
+            seconds={"build": built - began, "trace": traced - built, "light": time.perf_counter() - traced},
+            warnings=warnings,
+        )
+
+    def _build(self, intersector: Callable[..., Intersector]) -> None:
+        traced, self.normalisation, self.d_max = build_scene(
+            self.surfaces, self.patches, self.settings, self.monitor, intersector, whole=True
+        )
+        self.baked = traced
+        everything = self.patches.with_others(self.others)
+        cells = prepare_cells(everything, self.normalisation, self.settings.thread_count())
+        emitters = EmissiveTriangles(traced.surfaces) if (traced.surfaces.emission > 0.0).any() else None
+        self.scene = LitScene(
+            replace(traced, cells=cells),
+            everything.ids,
+            tuple(lamp.normalised(self.normalisation) for lamp in self.sources.lamps),
+            emitters,
+            np.asarray(self.sources.world, np.float64),
+        )
+        self.sample = error_sample(self.patches.ids)
+        self.whole_area = cells.area * self.normalisation.scale**2
+
+    def _obscurances(self, neighbours: tuple[np.ndarray, np.ndarray] | None) -> Obscurances:
+        found = obscurances_in(
+            self.baked,
+            self.normalisation,
+            self.d_max,
+            self.surfaces,
+            self.patches.ids,
+            self.settings,
+            neighbours=neighbours,
+            patch_reflectance=self.materials.reflectance[: self.n],
+            monitor=self.monitor,
+            block_rays=self.block_rays,
+        )
+        self.rays += found.rays
+        self.error_rays += found.error_rays
+        return found
+
+    def _light_up(self, obscurances: Obscurances | None) -> None:
+        """Direct light on all patches, and once more on the sample that tells the error."""
+        per_patch = np.full(self.n + len(self.others), SPARSE_RAYS, np.int64)
+        per_patch[: self.n] = allocate_rays(self.scene.traced.cells.area[: self.n], self.settings)
+        passes = len(self.scene.sources) + 1
+        self.monitor.phase("light", int(passes * (per_patch.sum() + per_patch[: self.n][self.sample].sum())))
+
+        def gather(scene: LitScene, **changes: object) -> DirectLight:
+            return gather_direct_light(
+                scene,
+                per_patch,
+                self.settings,
+                valid=None if obscurances is None else obscurances.sums.valid,
+                progress=self.monitor.advance,
+                block_rays=self.block_rays,
+                **changes,
+            )
+
+        self.direct = gather(self.scene)
+        chosen = np.zeros(len(per_patch), bool)
+        chosen[: self.n] = self.sample
+        cells = self.scene.traced.cells.of_patches(chosen)
+        self.again = gather(replace(self.scene, traced=replace(self.scene.traced, cells=cells)), replicate=1)
+        self.rays += self.direct.rays
+        self.error_rays += self.again.rays
+        self.area = self.whole_area * self.direct.valid
+        self.unshot = self.materials.reflectance * self.direct.irradiance
+        self.unshot_again = (self.materials.reflectance * self.again.irradiance)[: self.n]
+        self.unshot_again[~self.sample] = np.nan
+
+    def _direct(self) -> tuple[np.ndarray, np.ndarray, None]:
+        return self.unshot[: self.n].copy(), self.unshot_again, None
+
+    def _with_ambient(self, obscurances: Obscurances) -> tuple[np.ndarray, np.ndarray, AmbientLight]:
+        """Indirect light, with COMBINED all other light too; radiosities, W/m^2."""
+        reflectance = self.materials.reflectance[: self.n]
+        values, again, left = self._redistribute()
+        ambient = self._ambient(obscurances.r_ave, left)
+        values += reflectance * obscurances.white() * ambient.irradiance
+        again += reflectance * obscurances.white_again() * ambient.irradiance
+        if self.light.quantity is Quantity.COMBINED:
+            emission = self.materials.emission[: self.n]
+            values += self.unshot[: self.n] + emission
+            again += self.unshot_again + emission
+        return values, again, ambient
+
+    def _redistribute(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What reflectors pass on to the patches to bake, twice (p, 3) W/m^2, and the unshot flux left (3,) W."""
+        flux = self.area @ self.unshot
+        nothing = np.zeros((self.n, 3))
+        reflectance = self.materials.reflectance
+        self.reflectors = choose_reflectors(
+            self.scene.traced.cells, self.unshot, self.area, reflectance, self.light.reflectors
+        )
+        if self.reflectors is None:
+            return nothing, nothing.copy(), flux
+        receivers, weight = self._receivers()
+        self.monitor.phase("redistribute", len(receivers) + np.count_nonzero(self.sample))
+
+        def pass_on(patches: np.ndarray, replicate: int) -> tuple[np.ndarray, int]:
+            found = redistribute(
+                self.scene,
+                self.reflectors,
+                self.unshot,
+                self.direct.valid,
+                patches,
+                self.settings,
+                replicate=replicate,
+                progress=self.monitor.advance,
+            )
+            return reflectance[patches] * found.irradiance, found.rays
+
+        scattered, rays = pass_on(receivers, 0)
+        self.rays += rays
+        flux = flux - self.area[self.reflectors.is_chosen] @ self.unshot[self.reflectors.is_chosen]
+        flux += (weight * self.area[receivers]) @ scattered
+        sampled = np.flatnonzero(self.sample)
+        again = nothing.copy()
+        again[sampled], rays = pass_on(sampled, 1)
+        self.error_rays += rays
+        return scattered[: self.n], again, np.maximum(flux, 0.0)
+
+    def _receivers(self) -> tuple[np.ndarray, np.ndarray]:
+        """All patches to bake, and of the others as many as a sum needs; each with the number that it stands for."""
+        own, others = np.arange(self.n), np.arange(self.n, self.n + len(self.others))
+        if len(others) <= MAX_OTHER_RECEIVERS:
+            return np.concatenate([own, others]), np.ones(self.n + len(others))
+        importance = self.area[self.n :] * (self.materials.reflectance[self.n :] @ LUMINANCE)
+        if not importance.sum() > 0.0:
+            return own, np.ones(self.n)
+        share = importance / importance.sum()
+        random = np.random.Generator(np.random.Philox(key=[self.settings.seed, 0xD15C]))
+        strata = (np.arange(MAX_OTHER_RECEIVERS) + random.random(MAX_OTHER_RECEIVERS)) / MAX_OTHER_RECEIVERS
+        picked = np.minimum(np.searchsorted(np.cumsum(share), strata), len(others) - 1)
+        picked, times = np.unique(picked[share[picked] > 0.0], return_counts=True)
+        stands_for = times / (MAX_OTHER_RECEIVERS * share[picked])
+        return np.concatenate([own, others[picked]]), np.concatenate([np.ones(self.n), stands_for])
+
+    def _ambient(self, r_ave: np.ndarray, left: np.ndarray) -> AmbientLight:
+        """The ambient light once `left` (3,) W of the scattered direct light is unshot."""
+        area = self.area.sum()
+        openness = float(np.clip(1.0 - self.area @ self.direct.hit_share / area, 0.0, 1.0)) if area > 0.0 else 0.0
+        if not area > 0.0:
+            irradiance = np.zeros(3)
+        elif self.light.ambient is Ambient.EMISSION:
+            emitted = self.whole_area @ self.materials.emission + sum(lamp.flux() for lamp in self.sources.lamps)
+            scattered = self.area @ self.unshot
+            share = np.where(scattered > 0.0, left / np.where(scattered > 0.0, scattered, 1.0), 1.0)
+            irradiance = ambient_from_emission(emitted, area, r_ave) * share
+        else:
+            irradiance = ambient_from_received(left, area, r_ave, openness)
+        return AmbientLight(irradiance, r_ave, openness, self.settings.use_bleeding)
+
+    def _radiosity(self) -> tuple[np.ndarray, np.ndarray, None]:
+        """All light by radiosity, or its indirect part; W/m^2."""
+        reflectance = self.materials.reflectance
+        per_patch = np.full(len(reflectance), self.settings.rays, np.int64)
+        self.monitor.phase("radiosity", int(per_patch.sum() + per_patch[: self.n][self.sample].sum()))
+
+        def factors(scene: LitScene, replicate: int) -> object:
+            return gather_form_factors(
+                scene,
+                per_patch,
+                self.direct.valid,
+                self.settings,
+                replicate=replicate,
+                progress=self.monitor.advance,
+                block_rays=self.block_rays,
+            )
+
+        found = factors(self.scene, 0)
+        self.rays += found.rays
+        indirect = solve_radiosity(found, reflectance, self.unshot, check=lambda: self.monitor.advance(0))
+        chosen = np.zeros(len(reflectance), bool)
+        chosen[: self.n] = self.sample
+        cells = self.scene.traced.cells.of_patches(chosen)
+        second = factors(replace(self.scene, traced=replace(self.scene.traced, cells=cells)), 1)
+        self.error_rays += second.rays
+        again = (reflectance * second.gather(self.unshot + indirect))[: self.n]
+        again[~self.sample] = np.nan
+        values = indirect[: self.n].copy()
+        if not self.light.indirect_only:
+            values += self.unshot[: self.n] + self.materials.emission[: self.n]
+            again += self.unshot_again + self.materials.emission[: self.n]
+        return values, again, None
+
+    def _mean_reflectance(self) -> np.ndarray:
+        return mean_reflectance(
+            self.surfaces,
+            self.whole_area[: self.n],
+            self.direct.valid[: self.n],
+            self.materials.reflectance[: self.n],
+        )
+
+    def _lamp_warnings(self) -> list[str]:
+        """What the user should know about the light."""
+        warnings = []
+        unreached = [name for name in self.direct.unreached if name != EmissiveTriangles.name]
+        if unreached:
+            warnings.append(
+                f"lights that reach no surface: {', '.join(map(repr, unreached))}; if one is inside of a wall or lamp "
+                "housing, move it out"
+            )
+        if not self.direct.irradiance.any() and not self.scene.shines_on_rays:
+            warnings.append("nothing shines on the scene, so its light is black: add a light, or bake OBSCURANCE")
+        return warnings

@@ -1,0 +1,308 @@
+"""Secondary reflectors: the surfaces that scatter most of the direct light pass it on before the rest becomes ambient.
+
+The bookkeeping is that of progressive radiosity (Cohen et al. 1988), stopped after one step of the most important
+reflectors: what they scatter, U_j = R_j H_j, leaves the unshot light and arrives at the patches that see them, where it
+is unshot again. The ambient light is computed from what is unshot at the end, so that nothing counts twice.
+
+A reflector is a patch, or several small ones side by side, so that the choice does not depend on how fine the meshes
+are. Exact form factors to its triangles come from points spread over the receiver; each is multiplied by the visibility
+of a point on that triangle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from .direct_light import LitScene
+from .emissive_triangles import LUMINANCE
+from .form_factors import triangle_form_factors
+from .patch_samples import scramble_of
+from .patches import Cells
+from .sampling import SCRAMBLES, sample_triangle, unit_points
+from .settings import BakeSettings
+from .sobol import hash32
+
+MAX_AUTOMATIC = 64  # reflectors
+ENOUGH_LIGHT = 0.8  # share of the scattered direct light after which more reflectors gain little
+TOO_LITTLE_LIGHT = 0.4  # when the most that may be taken hold less than this, light is spread out and ambient serves it
+REFLECTOR_SIZE = 1.0 / 32.0  # of the diagonal of what is baked: patches within a cube of that size go together
+MAX_OTHER_RECEIVERS = 4096  # patches that are not baked count only in a sum, for which a sample is enough
+
+# Samples of a pair by how much of the receiver's hemisphere the reflector covers at most.
+_SAMPLES = ((0.0, 2), (0.02, 4), (0.1, 8))
+_MOST_SAMPLES = 8
+_TABLE_REFLECTORS = 512  # sequences of places repeat after that many reflectors
+_BLOCK_PAIRS = 1 << 16
+
+
+@dataclass(frozen=True)
+class Reflectors:
+    """The chosen reflectors, as lists of cells.
+
+    Attributes
+    ----------
+    start : ndarray, (k + 1,) int64
+        Range of each reflector in `cell`.
+    cell : ndarray, (m,) int64
+    end_share : ndarray, (m,) float64
+        Share of its reflector's light from a cell and those before it, plus the reflector's index: ascending.
+    share : ndarray, (m,) float64
+        Of the cell itself.
+    is_chosen : ndarray, (p,) bool
+        Patches of the reflectors.
+    light_share : float
+        Share 0 .. 1 of the direct light scattered in the scene that they hold, by luminance.
+    """
+
+    start: np.ndarray
+    cell: np.ndarray
+    end_share: np.ndarray
+    share: np.ndarray
+    is_chosen: np.ndarray
+    light_share: float
+
+    def __len__(self) -> int:
+        return len(self.start) - 1
+
+
+@dataclass(frozen=True)
+class Redistribution:
+    """What the reflectors passed on.
+
+    Attributes
+    ----------
+    irradiance : ndarray, (r, 3) float64
+        W/m^2 at each receiver, over its part outside of solids.
+    rays : int
+    """
+
+    irradiance: np.ndarray
+    rays: int
+
+
+def choose_reflectors(
+    cells: Cells, exitance: np.ndarray, area: np.ndarray, reflectance: np.ndarray, number: int | None
+) -> Reflectors | None:
+    """The reflectors that scatter most direct light.
+
+    Parameters
+    ----------
+    cells : Cells
+        Of all patches.
+    exitance : ndarray, (p, 3) float64
+        U = R H of each patch, W/m^2.
+    area : ndarray, (p,) float64
+        Outside of solids, any unit.
+    reflectance : ndarray, (p, 3) float64
+    number : int or None
+        How many to take; None takes as many as hold 80 % of the light but at most 64, and none where these hold less
+        than 40 %.
+
+    Returns
+    -------
+    Reflectors or None
+        None when there is nothing to gain, or no light.
+    """
+    light = area * (exitance @ LUMINANCE)
+    total = light.sum()
+    if not total > 0.0 or number == 0:
+        return None
+    group = _neighbourhoods(cells, reflectance)
+    group_light = np.bincount(group, light)
+    order = np.argsort(-group_light, kind="stable")
+    held = np.cumsum(group_light[order]) / total
+    if number is None:
+        number = min(int(np.searchsorted(held, ENOUGH_LIGHT)) + 1, MAX_AUTOMATIC, len(order))
+        if held[number - 1] < TOO_LITTLE_LIGHT:
+            return None
+    number = min(number, int(np.count_nonzero(group_light)))
+    rank = np.full(len(order), -1)
+    rank[order[:number]] = np.arange(number)
+    cell_light = cells.weight * light[cells.patch]
+    of_cell = np.where(cell_light > 0.0, rank[group[cells.patch]], -1)
+    cell = np.flatnonzero(of_cell >= 0)
+    cell = cell[np.argsort(of_cell[cell], kind="stable")]
+    start = np.searchsorted(of_cell[cell], np.arange(number + 1))
+    share = cell_light[cell] / np.add.reduceat(cell_light[cell], start[:-1])[of_cell[cell]]
+    running = np.cumsum(share)
+    before = np.concatenate([[0.0], running])[start[:-1]]
+    end_share = np.clip(running - before[of_cell[cell]], 0.0, 1.0) + of_cell[cell]
+    end_share[start[1:] - 1] = np.arange(1, number + 1)
+    is_chosen = np.zeros(len(light), bool)
+    is_chosen[cells.patch[cell]] = True
+    return Reflectors(start, cell, end_share, share, is_chosen, float(held[number - 1]))
+
+
+def _neighbourhoods(cells: Cells, reflectance: np.ndarray) -> np.ndarray:
+    """Group (p,) int of each patch: those with the like normal and reflectance whose centres share a small cube."""
+    corner, normal = cells.frames[:, 2, :3], cells.frames[:, 2, 3:]
+    centre = corner + (cells.frames[:, 0, :3] + cells.frames[:, 1, :3]) / 3.0
+    n_patches = len(cells.area)
+    size = 2.0 * REFLECTOR_SIZE  # the half diagonal is 1
+    traits = np.concatenate([centre / size, 2.0 * normal + 0.5], 1)
+    traits = np.stack([np.bincount(cells.patch, cells.weight * column, n_patches) for column in traits.T], 1)
+    traits = np.concatenate([traits, 16.0 * reflectance], 1)
+    key = np.zeros(n_patches, np.uint32)
+    for column in np.floor(traits).T:
+        key = hash32(key ^ hash32(np.clip(column, -(2.0**30), 2.0**30).astype(np.int64).astype(np.uint32)))
+    return np.unique(key, return_inverse=True)[1]
+
+
+def redistribute(
+    scene: LitScene,
+    reflectors: Reflectors,
+    exitance: np.ndarray,
+    valid: np.ndarray,
+    receivers: np.ndarray,
+    settings: BakeSettings,
+    *,
+    replicate: int = 0,
+    progress: Callable[[int], None] = lambda _rays: None,
+) -> Redistribution:
+    """What patches receive from the reflectors.
+
+    Parameters
+    ----------
+    scene : LitScene
+    reflectors : Reflectors
+    exitance : ndarray, (p, 3) float64
+        U = R H of each patch, W/m^2.
+    valid : ndarray, (p,) float64
+        Share of each patch outside of solids.
+    receivers : ndarray, (r,) int
+        Patches.
+    settings : BakeSettings
+        Sampler, seed and threads.
+    replicate : int
+    progress : callable
+        Called with the number of receivers just done; may raise to cancel.
+    """
+    pairs = _Pairs(scene, reflectors, exitance, settings, replicate)
+    per_block = max(1, _BLOCK_PAIRS // (_SAMPLES[0][1] * len(reflectors)))
+    blocks = [receivers[at : at + per_block] for at in range(0, len(receivers), per_block)]
+    parts, rays = [], 0
+    with ThreadPoolExecutor(settings.thread_count()) as pool:
+        for block, (part, cast) in zip(blocks, pool.map(pairs.gather, blocks), strict=True):
+            parts.append(part)
+            rays += cast
+            progress(len(block))
+    irradiance = np.concatenate(parts) if parts else np.zeros((0, 3))
+    exposed = valid[receivers]
+    irradiance /= np.where(exposed > 0.0, exposed, 1.0)[:, None]
+    return Redistribution(irradiance, rays)
+
+
+class _Pairs:
+    """Receivers x reflectors."""
+
+    def __init__(
+        self, scene: LitScene, reflectors: Reflectors, exitance: np.ndarray, settings: BakeSettings, replicate: int
+    ) -> None:
+        cells = scene.traced.cells
+        self.scene, self.reflectors, self.exitance, self.cells = scene, reflectors, exitance, cells
+        seed = int(hash32(np.uint32(settings.seed) ^ hash32(np.uint32(replicate ^ 0x5EC0))))
+        self.scramble = scramble_of(scene.ids, seed)
+        rows = _MOST_SAMPLES * min(len(reflectors), _TABLE_REFLECTORS)
+        self.table = unit_points(settings.sampler, seed, np.arange(SCRAMBLES), 0, rows).astype(np.float32)
+        frames = cells.frames
+        self.normal = frames[:, 2, 3:]
+        self.corner = frames[:, 2, :3]  # one offset above the surface: where rays start, and where they end
+        self.centre, self.radius, self.size = self._balls()
+        self.first_cell = np.searchsorted(cells.patch, np.arange(len(cells.area) + 1))
+        # Ascending over all cells: share of the patch's area up to the cell, plus the patch's index.
+        running = np.cumsum(cells.weight)
+        before = np.concatenate([[0.0], running])[self.first_cell[:-1]]
+        self.end_weight = np.clip(running - before[cells.patch], 0.0, 1.0) + cells.patch
+        cell_of = np.minimum(self.first_cell[:-1], len(cells.patch) - 1)[cells.patch]
+        turned = np.einsum("ij,ij->i", self.normal, self.normal[cell_of]) < 1.0 - 1e-6
+        # How far a patch that is not plane may rise above the plane of its first cell.
+        self.bend = np.where(np.bincount(cells.patch, turned, len(cells.area)) > 0, 2.0 * np.sqrt(cells.area), 0.0)
+        last = self.first_cell[1:][self.first_cell[1:] > self.first_cell[:-1]] - 1
+        self.end_weight[last] = cells.patch[last] + 1
+
+    def _balls(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Centre (k, 3), radius (k,) and area (k,) of a ball around each reflector."""
+        reflectors, cells = self.reflectors, self.cells
+        frames = cells.frames[reflectors.cell]
+        corners = frames[:, 2:3, :3] + np.concatenate([np.zeros((len(frames), 1, 3)), frames[:, :2, :3]], 1)
+        low = np.minimum.reduceat(corners.min(1), reflectors.start[:-1])
+        high = np.maximum.reduceat(corners.max(1), reflectors.start[:-1])
+        area = cells.weight[reflectors.cell] * cells.area[cells.patch[reflectors.cell]]
+        return (
+            0.5 * (low + high),
+            0.5 * np.linalg.norm(high - low, axis=1),
+            np.add.reduceat(area, reflectors.start[:-1]),
+        )
+
+    def gather(self, receivers: np.ndarray) -> tuple[np.ndarray, int]:
+        """Irradiance (r, 3) of receivers (r,) before division by their exposed share, and the number of rays."""
+        found, rays = np.zeros((len(receivers), 3)), 0
+        row, reflector, cover = self._pairs_above_horizon(receivers)
+        samples = np.zeros(len(row), np.int64)
+        for at_least, number in _SAMPLES:
+            samples[cover >= at_least] = number
+        for _, number in _SAMPLES:
+            chosen = samples == number
+            if chosen.any():
+                light, cast = self._sample(receivers[row[chosen]], reflector[chosen], number)
+                rays += cast
+                found += np.stack([np.bincount(row[chosen], column, len(receivers)) for column in light.T], -1)
+        return found, rays
+
+    def _pairs_above_horizon(self, receivers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pairs (row, reflector) that may see each other, and the most of the hemisphere that the reflector covers."""
+        rows = np.flatnonzero(self.first_cell[receivers + 1] > self.first_cell[receivers])
+        patch = receivers[rows]
+        frames = self.cells.frames[self.first_cell[patch]]
+        middle = frames[:, 2, :3] + (frames[:, 0, :3] + frames[:, 1, :3]) / 3.0
+        towards = self.centre - middle[:, None]
+        height = np.einsum("rkj,rj->rk", towards, frames[:, 2, 3:])
+        r, k = np.nonzero(height > -self.radius - self.bend[patch][:, None])
+        square = np.einsum("rkj,rkj->rk", towards, towards)[r, k]
+        return rows[r], k, self.size[k] / (np.pi * square + self.size[k])
+
+    def _sample(self, patch: np.ndarray, reflector: np.ndarray, number: int) -> tuple[np.ndarray, int]:
+        """Irradiance (q, 3) of patches from reflectors, pair by pair, from `number` places each."""
+        q, cells = len(patch), self.cells
+        index = _MOST_SAMPLES * (reflector % _TABLE_REFLECTORS)[:, None] + np.arange(number)
+        unit = self.table[self.scramble[patch][:, None], index].reshape(-1, 4).astype(np.float64)
+        patch, reflector = np.repeat(patch, number), np.repeat(reflector, number)
+        own, u = _pick(self.end_weight, patch, unit[:, 0])
+        stratum = (np.tile(np.arange(number), q) + unit[:, 2]) / number
+        chosen, v = _pick(self.reflectors.end_share, reflector, stratum)
+        other = self.reflectors.cell[chosen]
+        points = self._place(own, u, unit[:, 1])
+        frames = cells.frames[other].astype(np.float64)
+        corner = frames[:, 2, :3]
+        corners = np.stack([corner, corner + frames[:, 0, :3], corner + frames[:, 1, :3]], 1)
+        factor = triangle_form_factors(points, self.normal[own], corners)
+        seen = np.flatnonzero(factor > 0.0)
+        towards = self._place(other[seen], v[seen], unit[seen, 3]) - points[seen]
+        distance = np.sqrt(np.einsum("ij,ij->i", towards, towards))
+        direction = (towards / np.maximum(distance, 1e-20)[:, None]).astype(np.float32)
+        blocked = self.scene.traced.intersector.occluded(
+            points[seen].astype(np.float32), direction, distance.astype(np.float32)
+        )
+        factor[seen[blocked]] = 0.0
+        light = (factor / (self.reflectors.share[chosen] * number))[:, None] * self.exitance[cells.patch[other]]
+        return light.reshape(q, number, 3).sum(1), len(seen)
+
+    def _place(self, cell: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Points (n, 3) on cells (n,), one ray offset above them."""
+        b = sample_triangle(np.stack([u, v], -1))
+        frames = self.cells.frames[cell]
+        return frames[:, 2, :3] + b[:, :1] * frames[:, 0, :3] + b[:, 1:] * frames[:, 1, :3]
+
+
+def _pick(ends: np.ndarray, owner: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Choose by shares: `ends` ascends over all owners, each from its index to the next; u in 0 .. 1.
+
+    Returns the entry and what is left of u, stretched to 0 .. 1.
+    """
+    picked = np.searchsorted(ends, owner + np.minimum(u, 1.0 - 1e-9), side="right")
+    start = np.where(picked > 0, ends[picked - 1], 0.0)
+    return picked, np.clip((owner + u - start) / np.maximum(ends[picked] - start, 1e-12), 0.0, 1.0)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from .core.errors import SettingsError
 from .core.falloff import Falloff
+from .core.light_settings import Ambient, LightSettings, Quantity
 from .core.settings import BakeSettings, Sampler
 from .version import version
 
@@ -22,6 +23,19 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     where.add_argument("--output", type=Path, metavar="OUT.blend", help="file to write (default: in place)")
     where.add_argument("--output-dir", type=Path, metavar="DIR", help="folder to write files of the same names to")
     bake.add_argument("--objects", nargs="+", metavar="NAME", help="objects to bake (default: all that render)")
+    bake.add_argument("--quantity", choices=[q.value for q in Quantity], help="what is stored (default: OBSCURANCE)")
+    bake.add_argument("--ambient", choices=[a.value for a in Ambient], help="what ambient light is computed from")
+    bake.add_argument(
+        "--reflectors",
+        type=_reflectors,
+        metavar="AUTO|N",
+        default=argparse.SUPPRESS,
+        help="surfaces that pass on direct light, 0 for none",
+    )
+    bake.add_argument(
+        "--indirect-only", action=argparse.BooleanOptionalAction, help="with RADIOSITY, leave out direct light"
+    )
+    bake.add_argument("--exposure", type=float, metavar="STOPS", help="brighten light before it is stored")
     bake.add_argument("--target", choices=["FACE", "CORNER", "POINT"])
     bake.add_argument(
         "--attribute", dest="attribute_name", metavar="NAME", help="name of the attribute (default: Obscurance)"
@@ -57,6 +71,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         bake.error("--report names a .blend that is read or written: give the report a name of its own")
     try:
         BakeSettings(**estimator_changes(options))
+        LightSettings(**light_changes(options))
     except SettingsError as error:
         bake.error(str(error))
     return options
@@ -77,6 +92,14 @@ def _distance(text: str) -> float | None:
         raise argparse.ArgumentTypeError(f"'{text}' is neither a number of metres nor 'auto'") from None
 
 
+def _reflectors(text: str) -> int | None:
+    """A number, or None for automatic."""
+    try:
+        return None if text.lower() == "auto" else int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is neither a number nor 'AUTO'") from None
+
+
 def estimator_changes(options: argparse.Namespace) -> dict:
     """Estimator settings given as options, by name."""
     changes = _given(options, "rays", "ray_budget", "falloff", "use_bleeding", "sampler", "seed", "threads")
@@ -87,9 +110,17 @@ def estimator_changes(options: argparse.Namespace) -> dict:
     return changes
 
 
+def light_changes(options: argparse.Namespace) -> dict:
+    """Light settings given as options, by name."""
+    changes = _given(options, "quantity", "ambient", "indirect_only")
+    if "reflectors" in options:
+        changes["reflectors"] = options.reflectors
+    return changes
+
+
 def output_changes(options: argparse.Namespace) -> dict:
     """Output settings given as options, by name."""
-    return _given(options, "target", "attribute_name", "scale", "shared_meshes", "corner_copy")
+    return _given(options, "target", "attribute_name", "scale", "shared_meshes", "corner_copy", "exposure")
 
 
 def _given(options: argparse.Namespace, *names: str) -> dict:

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .arguments import estimator_changes, output_changes, outputs, parse
+from .arguments import estimator_changes, light_changes, output_changes, outputs, parse
 from .core.errors import ObscuranceError
 from .version import version
 
@@ -99,9 +99,10 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
     if changes.get("distance") is not None:  # the options are in metres, the scene in its own units
         changes["distance"] /= context.scene.unit_settings.scale_length
     settings, target = group.to_settings(**changes), group.to_output(**output_changes(options))
+    light = group.to_light(**light_changes(options))
     guard = ObjectModeGuard(context)
     objects = _objects(context, options.objects)
-    report = BakeJob(context, objects, settings, target).run(on_step=say.progress)
+    report = BakeJob(context, objects, settings, target, light).run(on_step=say.progress)
     guard.restore(context)
     baked = time.perf_counter()
     with _written_whole(output) as part:
@@ -115,7 +116,12 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
     return {
         "scene": str(scene),
         "output": str(output),
-        "settings": {**dataclasses.asdict(settings), **dataclasses.asdict(target), "distance": _finite(report.d_max)},
+        "settings": {
+            **dataclasses.asdict(settings),
+            **dataclasses.asdict(target),
+            **dataclasses.asdict(light),
+            "distance": _finite(report.d_max),
+        },
         "objects": report.objects,
         "patches": report.patches,
         "triangles": report.triangles,
@@ -124,6 +130,9 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
         "mrays_per_second": report.rays / traced / 1e6 if traced else 0.0,
         "r_ave": report.r_ave,
         "rmse": report.rmse,
+        "ambient_light": report.ambient_light,
+        "openness": report.openness,
+        "reflectors": report.reflectors,
         "peak_memory_bytes": _peak_memory(),
         "warnings": report.warnings,
     }

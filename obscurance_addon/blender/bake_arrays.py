@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core.corner_cells import corner_cells, face_of_corner, smooth_fans
 from ..core.errors import GeometryError
+from ..core.light_bake import PatchMaterials
 from ..core.patches import Patches, Surfaces, triangle_areas
 from ..core.sobol import hash32
 from ..core.solids import solid_triangles
@@ -39,23 +40,30 @@ class ObjectRange:
 
 @dataclass(frozen=True)
 class BakeArrays:
-    """What `core.bake.bake_obscurances` takes, and the ranges of its result.
+    """What `core.bake.bake_obscurances` and `core.light_bake.bake_light` take, and the ranges of their result.
 
-    `patch_reflectance` and `patch_emission`, (p, 3) float64, are area means over each patch: reflectance 0 .. 0.95, and
-    emitted radiant exitance in W/m^2.
+    `materials` has area means over each patch, reflectance 0 .. 0.95: first the patches to bake, then, where light is
+    needed, `others`: the faces of everything that is not baked.
     """
 
     surfaces: Surfaces
     patches: Patches
-    patch_reflectance: np.ndarray
-    patch_emission: np.ndarray
+    others: Patches
+    materials: PatchMaterials
     neighbours: tuple[np.ndarray, np.ndarray]
     ranges: list[ObjectRange]
     warnings: list[str]
 
 
-def prepare_arrays(snapshot: SceneSnapshot, target: Target) -> BakeArrays:
+def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = False) -> BakeArrays:
     """Turn a snapshot into the arrays of a bake.
+
+    Parameters
+    ----------
+    snapshot : SceneSnapshot
+    target : Target
+    needs_light : bool
+        Cut up what is not baked into patches too.
 
     Raises
     ------
@@ -85,18 +93,24 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target) -> BakeArrays:
                 f"object '{ob.name}': {broken} vertices have no finite position, their faces were left out; repair the "
                 "mesh or its modifiers"
             )
-    surfaces = _join_surfaces(objects, worlds)
+    own = len(parts)
+    others = [
+        _other_patches(ob, world, number)
+        for number, (ob, world) in enumerate(zip(objects[own:], worlds[own:], strict=True))
+        if needs_light
+    ]
     starts = np.cumsum([0] + [len(part.ids) for part in parts])
     node_starts = np.cumsum([0] + [part.n_nodes for part in parts])
+    first_patch = np.cumsum([0] + [len(part.ids) for part in [*parts, *others]])
+    everything = [*parts, *others]
     return BakeArrays(
-        surfaces=surfaces,
-        patches=Patches(
-            np.concatenate([part.cells for part in parts]),
-            np.concatenate([part.patch + first for part, first in zip(parts, starts, strict=False)]),
-            np.concatenate([part.ids for part in parts]),
+        surfaces=_join_surfaces(objects, worlds, [part.face_patch for part in everything], first_patch),
+        patches=_join_patches(parts),
+        others=_join_patches(others),
+        materials=PatchMaterials(
+            np.concatenate([part.reflectance for part in everything]),
+            np.concatenate([part.emission for part in everything]),
         ),
-        patch_reflectance=np.concatenate([part.reflectance for part in parts]),
-        patch_emission=np.concatenate([part.emission for part in parts]),
         neighbours=(
             np.concatenate([part.element_patch_of_node + first for part, first in zip(parts, starts, strict=False)]),
             np.concatenate([part.node + first for part, first in zip(parts, node_starts, strict=False)]),
@@ -137,7 +151,21 @@ def _shade(ob: ObjectSnapshot) -> tuple[np.ndarray, np.ndarray]:
     return shade_faces(ob.shadings, slot, ob.surface)
 
 
-def _join_surfaces(objects: list[ObjectSnapshot], worlds: list[_World]) -> Surfaces:
+def _join_patches(parts: list[_PatchPart]) -> Patches:
+    if not parts:
+        return Patches.none()
+    starts = np.cumsum([0] + [len(part.ids) for part in parts])
+    return Patches(
+        np.concatenate([part.cells for part in parts]),
+        np.concatenate([part.patch + first for part, first in zip(parts, starts, strict=False)]),
+        np.concatenate([part.ids for part in parts]),
+    )
+
+
+def _join_surfaces(
+    objects: list[ObjectSnapshot], worlds: list[_World], face_patches: list[np.ndarray], first_patch: np.ndarray
+) -> Surfaces:
+    """All triangles; `face_patches` tell the patch of each face, of as many objects as have patches."""
     solids: dict[int, np.ndarray] = {}
     solid = []
     for ob in objects:
@@ -147,6 +175,10 @@ def _join_surfaces(objects: list[ObjectSnapshot], worlds: list[_World]) -> Surfa
     vertex_starts = np.cumsum([0] + [len(world.vertices) for world in worlds])
     triangle_starts = np.cumsum([0] + [len(world.triangles) for world in worlds])
     pairs = zip(worlds, vertex_starts, strict=False)
+    patch = np.full(triangle_starts[-1], -1, np.int32)
+    for ob, of_face, first, start in zip(objects, face_patches, first_patch, triangle_starts, strict=False):
+        known = of_face[ob.mesh.triangle_face]
+        patch[start : start + len(known)] = np.where(known >= 0, known + first, -1)
     return Surfaces(
         vertices=np.concatenate([world.vertices for world in worlds]),
         triangles=np.concatenate([world.triangles + np.int32(first) for world, first in pairs]),
@@ -155,6 +187,10 @@ def _join_surfaces(objects: list[ObjectSnapshot], worlds: list[_World]) -> Surfa
         ),
         solid=np.concatenate(solid),
         object_starts=triangle_starts[:-1],
+        emission=np.concatenate(
+            [world.emission[ob.mesh.triangle_face] for ob, world in zip(objects, worlds, strict=True)]
+        ),
+        patch=patch,
     )
 
 
@@ -167,6 +203,7 @@ class _PatchPart:
     ids: np.ndarray
     reflectance: np.ndarray
     emission: np.ndarray
+    face_patch: np.ndarray  # of each evaluated face; -1 where it is not one patch
     element_patch: np.ndarray
     element_patch_of_node: np.ndarray
     node: np.ndarray
@@ -191,16 +228,11 @@ def _patch_part(baked: BakedObject, world: _World, target: Target) -> _PatchPart
         element = corner_patch[corner]
         linked, node, n_nodes = corner_patch, face, len(base.face_start) - 1
     n_patches = int(element_patch.max()) + 1
+    face_patch = _face_patches(baked.snapshot.mesh, target)
     if (np.diff(element) < 0).any():
         order = np.argsort(element, kind="stable")
         cells, element, source_face = cells[order], element[order], source_face[order]
-    area = triangle_areas(cells)
-    area[~np.isfinite(area)] = 0.0
-    total = np.maximum(np.bincount(element, area, n_patches), np.finfo(float).tiny)[:, None]
-    reflectance, emission = (
-        np.stack([np.bincount(element, area * column, n_patches) for column in per_face[source_face].T], -1) / total
-        for per_face in (world.reflectance, world.emission)
-    )
+    reflectance, emission = _patch_means(cells, element, source_face, n_patches, world)
     name = np.uint32(zlib.crc32(baked.snapshot.name.encode()))
     return _PatchPart(
         cells=cells,
@@ -208,11 +240,59 @@ def _patch_part(baked: BakedObject, world: _World, target: Target) -> _PatchPart
         ids=hash32(np.arange(n_patches, dtype=np.uint32) ^ hash32(name)),
         reflectance=reflectance,
         emission=emission,
+        face_patch=face_patch,
         element_patch=element_patch,
         element_patch_of_node=linked,
         node=node,
         n_nodes=n_nodes,
     )
+
+
+def _other_patches(ob: ObjectSnapshot, world: _World, number: int) -> _PatchPart:
+    """The faces of an object that only stands around; `number` tells instances of one object apart."""
+    face = ob.mesh.triangle_face.astype(np.int64)
+    n_faces = len(ob.mesh.face_start) - 1
+    cells = world.vertices[world.triangles]
+    if (np.diff(face) < 0).any():
+        order = np.argsort(face, kind="stable")
+        cells, face = cells[order], face[order]
+    reflectance, emission = _patch_means(cells, face, face, n_faces, world)
+    name = hash32(np.uint32(zlib.crc32(ob.name.encode()))) ^ np.uint32(number)
+    nothing = np.zeros(0, np.int64)
+    return _PatchPart(
+        cells=cells,
+        patch=face,
+        ids=hash32(np.arange(n_faces, dtype=np.uint32) ^ hash32(name)),
+        reflectance=reflectance,
+        emission=emission,
+        face_patch=np.arange(n_faces),
+        element_patch=nothing,
+        element_patch_of_node=nothing,
+        node=nothing,
+        n_nodes=0,
+    )
+
+
+def _patch_means(
+    cells: np.ndarray, patch: np.ndarray, face: np.ndarray, n_patches: int, world: _World
+) -> tuple[np.ndarray, np.ndarray]:
+    """Area means (p, 3) of reflectance and emission over patches whose cells lie on the evaluated faces `face`."""
+    area = triangle_areas(cells)
+    area[~np.isfinite(area)] = 0.0
+    total = np.maximum(np.bincount(patch, area, n_patches), np.finfo(float).tiny)[:, None]
+    reflectance, emission = (
+        np.stack([np.bincount(patch, area * column, n_patches) for column in per_face[face].T], -1) / total
+        for per_face in (world.reflectance, world.emission)
+    )
+    return reflectance, emission
+
+
+def _face_patches(mesh: MeshArrays, target: Target) -> np.ndarray:
+    """The patch of each evaluated face, -1 where its patches are smaller than a face or it has no origin."""
+    n_faces = len(mesh.face_start) - 1
+    if target is not Target.FACE:
+        return np.full(n_faces, -1)
+    return np.arange(n_faces) if mesh.face_origin is None else mesh.face_origin.astype(np.int64) - 1
 
 
 def _face_cells(baked: BakedObject, world: _World) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,61 +14,28 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 
 import bpy
 import numpy as np
 
-from ..core.bake import Monitor, Obscurances, bake_obscurances
-from ..core.errors import BakeCancelledError, GeometryError, ObscuranceError
+from ..core.bake import Obscurances, bake_obscurances
+from ..core.errors import GeometryError, ObscuranceError, SettingsError
 from ..core.intersector_cache import IntersectorCache
+from ..core.light_bake import BakedLight, bake_light
+from ..core.light_settings import LightSettings, Quantity
 from ..core.settings import BakeSettings
 from . import color_attribute
 from .bake_arrays import BakeArrays, prepare_arrays
+from .bake_report import BakeReport
+from .job_monitor import JobMonitor
 from .output_settings import OutputSettings, Scale, Target
 from .result_writer import write_values
 from .scene_geometry import snapshot_scene
 from .stored_preferences import cache_ceiling_bytes
 
-_NAMES_IN_ERRORS, _NAMES_IN_SUMMARY = 8, 3
+_NAMES_IN_ERRORS = 8
 
 TRACERS = IntersectorCache()  # while a user tries settings, the geometry stays
-
-
-@dataclass(frozen=True)
-class BakeReport:
-    """What a bake did.
-
-    Attributes
-    ----------
-    objects : list of str
-    patches, triangles, rays : int
-        `rays` counts those for the error estimate too.
-    seconds : dict of str to float
-        Per phase: extract, build, trace, write.
-    r_ave, rmse : tuple of float
-        Mean reflectance, and estimated error of the values written, per RGB channel.
-    d_max : float
-        Metres.
-    warnings : list of str
-    """
-
-    objects: list[str]
-    patches: int
-    triangles: int
-    rays: int
-    seconds: dict[str, float]
-    r_ave: tuple[float, float, float]
-    rmse: tuple[float, float, float]
-    d_max: float
-    warnings: list[str] = field(default_factory=list)
-
-    def summary(self) -> str:
-        """One line for the status bar or the terminal."""
-        return (
-            f"Baked {self.patches:,} patches of {_named(self.objects)} with {self.rays:,} rays up to "
-            f"{self.d_max:.3g} m long in {sum(self.seconds.values()):.2f} s, estimated error {max(self.rmse):.2g}"
-        )
 
 
 class BakeJob:
@@ -82,6 +49,8 @@ class BakeJob:
         What to bake; everything else that is visible occludes. Objects whose mesh is linked are skipped with a warning.
     settings : BakeSettings
     output : OutputSettings
+    light : LightSettings, optional
+        Obscurances by default.
 
     Raises
     ------
@@ -95,9 +64,14 @@ class BakeJob:
         objects: Iterable[bpy.types.Object],
         settings: BakeSettings,
         output: OutputSettings,
+        light: LightSettings | None = None,
     ) -> None:
         began = time.perf_counter()
+        light = light or LightSettings()
+        if light.quantity is Quantity.RADIOSITY and output.target is not Target.FACE:
+            raise SettingsError("radiosity is computed for whole faces: use target FACE, or bake COMBINED")
         self._output = output
+        self._light = light
         self._settings = settings
         self._warnings: list[str] = []
         writable = _writable(objects, self._warnings)
@@ -109,14 +83,15 @@ class BakeJob:
             writable,
             needs_rest=output.target is not Target.FACE,
             baked_layers=[name for name, _domain in output.layers()],
+            needs_light=light.needs_light,
         )
         self._metres_per_unit = context.scene.unit_settings.scale_length
         self._warnings += self._snapshot.notes
         self._extract_seconds = time.perf_counter() - began
-        self._monitor = _JobMonitor()
+        self._monitor = JobMonitor(light.quantity)
         TRACERS.ceiling_bytes = cache_ceiling_bytes()
         self._arrays: BakeArrays | None = None
-        self._result: Obscurances | None = None
+        self._result: Obscurances | BakedLight | None = None
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._compute, name="obscurance-bake", daemon=True)
         self._thread.start()
@@ -125,23 +100,42 @@ class BakeJob:
         """Everything between reading and writing, without bpy; runs in its own thread."""
         try:
             began = time.perf_counter()
-            self._arrays = prepare_arrays(self._snapshot, self._output.target)
+            self._arrays = prepare_arrays(self._snapshot, self._output.target, self._light.needs_light)
             self._monitor.check()
             self._extract_seconds += time.perf_counter() - began
-            self._result = bake_obscurances(
-                self._arrays.surfaces,
-                self._arrays.patches,
-                self._settings,
-                neighbours=self._arrays.neighbours,
-                patch_reflectance=self._arrays.patch_reflectance,
-                monitor=self._monitor,
-                intersector=TRACERS,
-            )
+            self._result = self._bake_light() if self._light.needs_light else self._bake_obscurances()
         except GeometryError as error:
             names = ", ".join(f"'{baked.snapshot.name}'" for baked in self._snapshot.baked[:_NAMES_IN_ERRORS])
             self._error = GeometryError(f"{names}: {error}")
         except BaseException as error:  # handed to the thread that steps the job
             self._error = error
+
+    def _bake_obscurances(self) -> Obscurances:
+        arrays = self._arrays
+        return bake_obscurances(
+            arrays.surfaces,
+            arrays.patches,
+            self._settings,
+            neighbours=arrays.neighbours,
+            patch_reflectance=arrays.materials.reflectance,
+            monitor=self._monitor,
+            intersector=TRACERS,
+        )
+
+    def _bake_light(self) -> BakedLight:
+        arrays = self._arrays
+        return bake_light(
+            arrays.surfaces,
+            arrays.patches,
+            arrays.others,
+            arrays.materials,
+            self._snapshot.sources,
+            self._settings,
+            self._light,
+            neighbours=arrays.neighbours,
+            monitor=self._monitor,
+            intersector=TRACERS,
+        )
 
     def step(self, budget_s: float) -> bool:
         """Wait for at most `budget_s` seconds; True once the result is ready to commit.
@@ -197,9 +191,7 @@ class BakeJob:
         """
         began = time.perf_counter()
         result, arrays = self._result, self._arrays
-        values, rmse = result.coloured, result.rmse
-        if self._output.scale is Scale.WHITE:
-            values, rmse = result.white(), result.white_rmse()
+        values, rmse = self._values()
         per_object = [values[r.first : r.end][r.element_patch] for r in arrays.ranges]
         notes = write_values(self._snapshot.baked, per_object, self._output)
         seconds = {"extract": self._extract_seconds, **result.seconds, "write": time.perf_counter() - began}
@@ -212,8 +204,20 @@ class BakeJob:
             r_ave=tuple(float(x) for x in result.r_ave),
             rmse=tuple(float(x) for x in rmse),
             d_max=result.d_max * self._metres_per_unit,
+            quantity=self._light.quantity,
+            **_ambient_report(result),
             warnings=self._warnings + arrays.warnings + result.warnings + self._hidden_inside() + notes,
         )
+
+    def _values(self) -> tuple[np.ndarray, np.ndarray]:
+        """What to write (p, 3), and its estimated error (3,)."""
+        result = self._result
+        if isinstance(result, BakedLight):
+            factor = 2.0**self._output.exposure
+            return result.radiance * factor, result.rmse * factor
+        if self._output.scale is Scale.WHITE:
+            return result.white(), result.white_rmse()
+        return result.coloured, result.rmse
 
     def _hidden_inside(self) -> list[str]:
         """Warnings for objects most of which has no value of its own."""
@@ -230,50 +234,15 @@ class BakeJob:
         return warnings
 
 
-class _JobMonitor(Monitor):
-    """Progress and cancellation, shared by the job's threads."""
-
-    _BUILD_SHARE = 0.1  # of the progress bar: building takes about a tenth of a bake at 64 rays
-
-    def __init__(self) -> None:
-        self.cancelled = threading.Event()
-        self._lock = threading.Lock()
-        self._tracing = False
-        self._total, self._done, self._since = 1, 0, time.perf_counter()
-
-    def check(self) -> None:
-        if self.cancelled.is_set():
-            raise BakeCancelledError("cancelled")
-
-    def phase(self, name: str, total: int) -> None:
-        self.check()
-        with self._lock:
-            self._tracing = name == "trace"
-            self._total, self._done, self._since = max(total, 1), 0, time.perf_counter()
-
-    def advance(self, amount: int) -> None:
-        self.check()
-        with self._lock:
-            self._done += amount
-
-    @property
-    def progress(self) -> float:
-        share = min(self._done / self._total, 1.0)
-        return self._BUILD_SHARE + (1.0 - self._BUILD_SHARE) * share if self._tracing else self._BUILD_SHARE * share
-
-    @property
-    def remaining(self) -> float | None:
-        if not self._tracing or not self._done:
-            return None
-        return (time.perf_counter() - self._since) * max(self._total - self._done, 0) / self._done
-
-
-def _named(objects: list[str]) -> str:
-    """The first few names, and how many more there are."""
-    names = [repr(name) for name in objects[:_NAMES_IN_SUMMARY]]
-    if more := len(objects) - len(names):
-        names.append(f"{more} more")
-    return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
+def _ambient_report(result: Obscurances | BakedLight) -> dict[str, object]:
+    """What a report says of the ambient light, where there is any."""
+    if not isinstance(result, BakedLight) or result.ambient is None:
+        return {}
+    return {
+        "ambient_light": tuple(float(x) for x in result.ambient.intensity()),
+        "openness": result.ambient.openness,
+        "reflectors": result.reflectors,
+    }
 
 
 def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[bpy.types.Object]:

@@ -24,6 +24,7 @@ __all__ = [
     "ImageCache",
     "Shading",
     "SurfaceArrays",
+    "node_tree_of",
     "read_surface",
     "shade_faces",
     "snapshot_material",
@@ -52,9 +53,8 @@ def snapshot_material(
     """
     if material is None:
         return Shading(Constant((DEFAULT_REFLECTANCE,)))
-    tree = material.node_tree
-    # New versions always use nodes, and warn when asked.
-    if tree is None or (bpy.app.version < (5, 0, 0) and not material.use_nodes):
+    tree = node_tree_of(material)
+    if tree is None:
         return Shading(Constant(tuple(material.diffuse_color[:3])))
     reader = TreeReader(ImageCache() if images is None else images)
     end = tree.get_output_node("CYCLES")
@@ -68,3 +68,9 @@ def snapshot_material(
         more = len(reader.problems) - NOTE_LIMIT
         notes.append(f"Material '{material.name}': {shown}" + (f"; and {more} more" if more > 0 else ""))
     return shading
+
+
+def node_tree_of(material: bpy.types.Material) -> bpy.types.NodeTree | None:
+    """The nodes of a material, None where it is rendered without."""
+    # New versions always use nodes, and warn when asked.
+    return material.node_tree if bpy.app.version >= (5, 0, 0) or material.use_nodes else None

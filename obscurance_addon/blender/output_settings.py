@@ -5,6 +5,10 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
+from ..core.errors import SettingsError
+
+MAX_EXPOSURE = 32.0  # stops
+
 _CORNER_SUFFIX = " Color"
 
 
@@ -42,6 +46,13 @@ class OutputSettings:
     shared_meshes : SharedMeshes
     corner_copy : bool
         With target FACE, also write a flat CORNER colour attribute, which viewport, painting and exporters can see.
+    exposure : float
+        Stops by which light is brightened before it is stored, -32 .. 32. Obscurances have none.
+
+    Raises
+    ------
+    SettingsError
+        When the exposure is out of range.
     """
 
     target: Target = Target.FACE
@@ -49,11 +60,17 @@ class OutputSettings:
     scale: Scale = Scale.WHITE
     shared_meshes: SharedMeshes = SharedMeshes.SEPARATE
     corner_copy: bool = True
+    exposure: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "target", Target(self.target))
         object.__setattr__(self, "scale", Scale(self.scale))
         object.__setattr__(self, "shared_meshes", SharedMeshes(self.shared_meshes))
+
+        if not -MAX_EXPOSURE <= self.exposure <= MAX_EXPOSURE:
+            raise SettingsError(
+                f"exposure is {self.exposure:g} stops, allowed are -{MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}"
+            )
 
     def layers(self) -> list[tuple[str, str]]:
         """Names and domains to write, the one to show first."""

@@ -9,10 +9,30 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..core.falloff import Falloff
+from ..core.light_settings import MAX_REFLECTORS, Ambient, LightSettings, Quantity
 from ..core.settings import MAX_RAYS_PER_PATCH, MAX_THREADS, BakeSettings, Sampler
-from .output_settings import OutputSettings, Scale, SharedMeshes, Target
+from .output_settings import MAX_EXPOSURE, OutputSettings, Scale, SharedMeshes, Target
 from .stored_preferences import preferred_threads
 
+_QUANTITIES = (
+    (Quantity.OBSCURANCE, "Obscurance", "How open each place is, tinted by its surroundings; no light is needed"),
+    (Quantity.AMBIENT, "Ambient Light", "All indirect light, to be added to the direct light of a renderer"),
+    (Quantity.DIRECT, "Direct Light", "The light of lamps, shining faces and the world, with shadows"),
+    (Quantity.COMBINED, "Combined Light", "Direct and ambient light, and what faces emit: a finished lighting"),
+    (
+        Quantity.RADIOSITY,
+        "Radiosity",
+        "The same with all indirect light computed in full, as a reference: slow, and for whole faces only",
+    ),
+)
+_AMBIENTS = (
+    (Ambient.RECEIVED, "Light Received", "From the direct light that surfaces receive and scatter"),
+    (Ambient.EMISSION, "Light Emitted", "From what lamps and surfaces emit, as published in 2003"),
+)
+_REFLECTOR_MODES = (
+    ("AUTO", "Automatic", "Take the surfaces that scatter most direct light, where they are few"),
+    ("NUMBER", "Number", "Take the number of surfaces given below"),
+)
 _FALLOFFS = (
     (Falloff.SQRT, "Square Root", "The influence fades fast near a surface and joins open space without an edge"),
     (Falloff.CBRT, "Cube Root", "The influence fades fastest, so that only close contact darkens"),
@@ -51,6 +71,7 @@ _KEYABLE: set[str] = {"ANIMATABLE"}
 _FIXED: set[str] = set()
 
 _ESTIMATOR_NAMES = [field.name for field in dataclasses.fields(BakeSettings)]
+_LIGHT_NAMES = [field.name for field in dataclasses.fields(LightSettings)]
 _OUTPUT_NAMES = [field.name for field in dataclasses.fields(OutputSettings)]
 
 
@@ -61,6 +82,47 @@ def _items(choices: tuple) -> list[tuple[str, str, str]]:
 class ObscuranceSettings(bpy.types.PropertyGroup):
     """Everything a bake needs to know, saved in the .blend."""
 
+    quantity: EnumProperty(
+        name="Quantity", description="Choose what is stored", items=_items(_QUANTITIES), options=_FIXED
+    )
+    ambient: EnumProperty(
+        name="Ambient From",
+        description="Choose what the brightness of the ambient light is computed from",
+        items=_items(_AMBIENTS),
+        options=_KEYABLE,
+    )
+    reflector_mode: EnumProperty(
+        name="Reflectors",
+        description="Choose how many surfaces pass on the direct light that they receive, before the rest becomes "
+        "ambient light. It matters where lamps stand close to a surface",
+        items=_items(_REFLECTOR_MODES),
+        options=_KEYABLE,
+    )
+    reflectors: IntProperty(
+        name="Number",
+        description="Number of surfaces that pass on direct light. 0 leaves it all to the ambient light",
+        default=64,
+        min=0,
+        max=MAX_REFLECTORS,
+        options=_KEYABLE,
+    )
+    indirect_only: BoolProperty(
+        name="Indirect Only",
+        description="Leave direct light and emission out of radiosity, to compare it with ambient light",
+        default=False,
+        options=_FIXED,
+    )
+    exposure: FloatProperty(
+        name="Exposure",
+        description="Brighten light by this many stops before it is stored, for formats that end at 1. 0 stores what "
+        "renders show",
+        default=0.0,
+        min=-MAX_EXPOSURE,
+        max=MAX_EXPOSURE,
+        soft_min=-10.0,
+        soft_max=10.0,
+        options=_KEYABLE,
+    )
     use_bleeding: BoolProperty(
         name="Color Bleeding",
         description="Surfaces tint their surroundings with their own color; without it the result is gray",
@@ -158,6 +220,12 @@ class ObscuranceSettings(bpy.types.PropertyGroup):
         own["threads"] = self.threads or preferred_threads()
         own["distance"] = None if self.distance_mode == "AUTO" else self.distance
         return BakeSettings(**own | changes)
+
+    def to_light(self, **changes: object) -> LightSettings:
+        """Settings of the light, with some of them changed; raises SettingsError naming what is out of range."""
+        own = {name: getattr(self, name) for name in _LIGHT_NAMES}
+        own["reflectors"] = None if self.reflector_mode == "AUTO" else self.reflectors
+        return LightSettings(**own | changes)
 
     def changed(self) -> dict[str, object]:
         """Settings that were given a value, by name; the others have their defaults."""

@@ -12,8 +12,10 @@ import bpy
 import numpy as np
 
 from ..core.errors import GeometryError
+from ..core.light_bake import LightSources
 from .carried_indices import carried_indices, with_own_origins
-from .materials import ImageCache, Shading, SurfaceArrays, read_surface, snapshot_material
+from .lights import LightReader, read_world
+from .materials import ImageCache, Shading, SurfaceArrays, node_tree_of, read_surface, snapshot_material
 from .mesh_arrays import MeshArrays, read_mesh
 from .render_visibility import rendered_members, rendered_objects
 
@@ -47,6 +49,7 @@ class SceneSnapshot:
     baked: list[BakedObject]
     occluders: list[ObjectSnapshot]
     notes: list[str] = field(default_factory=list)
+    sources: LightSources = field(default_factory=LightSources)
 
 
 def snapshot_scene(
@@ -54,6 +57,7 @@ def snapshot_scene(
     objects: Iterable[bpy.types.Object],
     needs_rest: bool = False,
     baked_layers: Sequence[str] = (),
+    needs_light: bool = False,
 ) -> SceneSnapshot:
     """Read the objects to bake and everything that occludes them.
 
@@ -67,6 +71,8 @@ def snapshot_scene(
         Carry vertex positions through modifiers too: needed for values per corner or vertex.
     baked_layers : sequence of str
         Colour attributes that the bake will write; materials that read them see white.
+    needs_light : bool
+        Read lights and world too.
 
     Returns
     -------
@@ -81,7 +87,7 @@ def snapshot_scene(
     notes: list[str] = []
     with carried_indices(objects, needs_rest) as first_index:
         depsgraph = context.evaluated_depsgraph_get()
-        reader = _Reader(context, notes, baked_layers)
+        reader = _Reader(context, notes, baked_layers, LightReader(notes) if needs_light else None)
         wanted = {ob.session_uid: ob for ob in objects}
         found: dict[int, ObjectSnapshot] = {}
         occluders = []
@@ -105,7 +111,7 @@ def snapshot_scene(
         notes.append(f"hidden, or left without faces by modifiers, so nothing was baked onto: {_names(unseen)}")
     if not baked:
         raise GeometryError("; ".join(["there is nothing to bake", *notes]))
-    return SceneSnapshot(baked, occluders, notes)
+    return SceneSnapshot(baked, occluders, notes, reader.light_sources())
 
 
 def _baked_object(
@@ -129,8 +135,15 @@ def _baked_object(
 class _Reader:
     """Reads instances one by one; meshes, materials and images are read once however often they are used."""
 
-    def __init__(self, context: bpy.types.Context, notes: list[str], baked_layers: Sequence[str]) -> None:
+    def __init__(
+        self,
+        context: bpy.types.Context,
+        notes: list[str],
+        baked_layers: Sequence[str],
+        lights: LightReader | None,
+    ) -> None:
         self.baked_layers = baked_layers
+        self._lights = lights
         self._scene = context.scene
         self._rendered = rendered_objects(context.view_layer.layer_collection)
         # The depsgraph also holds objects of collections whose eye is closed, so its word alone is not enough.
@@ -148,6 +161,9 @@ class _Reader:
     def read(self, instance: bpy.types.DepsgraphObjectInstance) -> ObjectSnapshot | None:
         """Arrays of one instance, or None when it is not a visible mesh with faces."""
         ob = instance.object
+        if ob.type == "LIGHT":
+            self._read_light(instance)
+            return None
         # Curves, texts and metaballs come twice: as themselves, and as the mesh that they evaluate to.
         if not instance.show_self or not isinstance(ob.data, bpy.types.Mesh) or not len(ob.data.polygons):
             return None
@@ -157,6 +173,8 @@ class _Reader:
             return None
         if owner.original.session_uid not in self._visible:
             return None
+        if self._lights is not None:
+            self._lights.note_linking(ob)
         shadings = [self._shading(slot.material) for slot in ob.material_slots]
         shadings.append(self._shading(None))
         key = ob.data.as_pointer()
@@ -171,6 +189,35 @@ class _Reader:
             ob.to_mesh_clear()
         matrix = np.array(instance.matrix_world, np.float64)
         return ObjectSnapshot(ob.name, self._meshes[key], matrix, shadings, self._surfaces[surface_key])
+
+    def _read_light(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
+        ob = instance.object
+        owner = instance.parent if instance.is_instance else ob
+        if (
+            self._lights is not None
+            and instance.show_self
+            and self._renders(ob, owner, instance.is_instance)
+            and owner.original.session_uid in self._visible
+        ):
+            self._lights.read(ob, np.array(instance.matrix_world, np.float64))
+
+    def light_sources(self) -> LightSources:
+        """Lights and world, once all instances are read."""
+        if self._lights is None:
+            return LightSources()
+        self._lights.finish(self._scene.frame_current)
+        self._note_volumes()
+        return LightSources(tuple(self._lights.lamps), read_world(self._scene.world, self.notes))
+
+    def _note_volumes(self) -> None:
+        """Name objects that fill space with something, which is not modelled."""
+        volumes = {
+            ob.name
+            for ob in self._scene.collection.all_objects
+            if ob.session_uid in self._visible and (ob.type == "VOLUME" or any(map(_has_volume, ob.material_slots)))
+        }
+        if volumes:
+            self.notes.append(f"volumes are not supported, so these do not dim or scatter light: {_names(volumes)}")
 
     def _shading(self, material: bpy.types.Material | None) -> Shading:
         key = material.as_pointer() if material else 0
@@ -210,6 +257,12 @@ class _Reader:
             self.notes.append(f"hidden from renders, so they do not occlude: {_names(self._hidden)}")
         if unseen:
             self.notes.append(f"hidden in the viewport, so they do not occlude although they render: {_names(unseen)}")
+
+
+def _has_volume(slot: bpy.types.MaterialSlot) -> bool:
+    tree = node_tree_of(slot.material) if slot.material else None
+    end = tree.get_output_node("CYCLES") if tree else None
+    return end is not None and end.inputs["Volume"].is_linked
 
 
 def _names(names: Iterable[str], most: int = 12) -> str:

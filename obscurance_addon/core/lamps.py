@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from .patches import Normalisation
-from .sampling import sample_cone, sample_disc
+from .sampling import orthonormal_frames, sample_cone, sample_disc
 from .traced_scene import FAR
 
 TINY = np.float32(1e-20)
@@ -61,7 +61,7 @@ class Lamp(Protocol):
 
 @dataclass(frozen=True)
 class PointLamp:
-    """A sphere that shines evenly to all sides, a point when its radius is 0; with a cone it is a spot lamp.
+    """A ball that shines evenly to all sides, a point when its radius is 0; with a cone it is a spot lamp.
 
     Attributes
     ----------
@@ -71,6 +71,9 @@ class PointLamp:
         Radiant intensity per channel on the axis.
     radius : float
     cone : SpotCone or None
+    is_disc : bool
+        The ball is replaced by a disc that turns towards each shading point (Blender's soft falloff): within reach of
+        the ball, light falls off without an edge.
     casts_shadow : bool
     """
 
@@ -79,6 +82,7 @@ class PointLamp:
     intensity: np.ndarray
     radius: float = 0.0
     cone: SpotCone | None = None
+    is_disc: bool = False
     casts_shadow: bool = True
 
     def normalised(self, normalisation: Normalisation) -> PointLamp:
@@ -97,7 +101,9 @@ class PointLamp:
         square = np.maximum(np.einsum("ij,ij->i", towards, towards), TINY)
         distance = np.sqrt(square)
         axis = towards / distance[:, None]
-        if self.radius > 0.0:
+        if self.radius > 0.0 and self.is_disc:
+            direction, distance, per_intensity = self._sample_disc(axis, distance, unit)
+        elif self.radius > 0.0:
             radius_square = np.float32(self.radius**2)
             outside = square > radius_square
             cosine = np.where(outside, np.sqrt(np.maximum(1.0 - radius_square / square, 0.0)), -1.0)
@@ -112,6 +118,15 @@ class PointLamp:
         if self.cone is not None:
             received *= self.cone.share(-direction)[:, None]
         return LampSamples(direction, distance, received.astype(np.float32))
+
+    def _sample_disc(
+        self, axis: np.ndarray, distance: np.ndarray, unit: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Direction (n, 3), distance (n,) and received light per intensity (n,) of points on the disc."""
+        place = np.concatenate([sample_disc(unit) * np.float32(self.radius), distance[:, None]], 1)
+        length = np.sqrt(np.einsum("ij,ij->i", place, place))
+        direction = np.einsum("ij,ijk->ik", place / length[:, None], orthonormal_frames(axis).astype(np.float32))
+        return direction.astype(np.float32), length, distance / length**3
 
 
 @dataclass(frozen=True)
@@ -219,6 +234,10 @@ class AreaLamp:
         """Normalised units squared."""
         rectangle = 4.0 * float(np.linalg.norm(np.cross(self.half_x, self.half_y)))
         return rectangle * (np.pi / 4.0 if self.is_ellipse else 1.0)
+
+    def of_power(self, power: np.ndarray) -> AreaLamp:
+        """The lamp with the radiance that makes it emit `power` (3,) watts."""
+        return replace(self, radiance=np.asarray(power) / (np.pi * self.area))
 
     def normalised(self, normalisation: Normalisation) -> AreaLamp:
         half_x, half_y = (np.asarray(half) / normalisation.scale for half in (self.half_x, self.half_y))

@@ -16,7 +16,7 @@ _POLL_S = 0.001  # what a look may wait
 _ADJUST_S = 3.0  # a bake that took longer is not repeated at every touch of Adjust Last Operation
 
 # Settings that a call may replace and Adjust Last Operation shows; not remembered for the next call.
-_ADJUSTABLE = ("use_bleeding", "distance_mode", "distance", "falloff", "rays", "scale")
+_ADJUSTABLE = ("quantity", "use_bleeding", "distance_mode", "distance", "falloff", "rays", "scale")
 
 
 class OBSCURANCE_OT_bake(bpy.types.Operator):
@@ -117,7 +117,10 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
             return
         for name in _ADJUSTABLE:
             row = layout.row()
-            row.active = name != "distance" or self.distance_mode == "METRES"
+            row.active = {
+                "distance": self.distance_mode == "METRES",
+                "scale": self.quantity == "OBSCURANCE",
+            }.get(name, True)
             row.prop(self, name)
 
     def _start(self, context: bpy.types.Context) -> BakeJob:
@@ -132,7 +135,13 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
         if self.rays != group.rays:
             changes["ray_budget"] = None  # as on the command line, rays for each patch replace a budget
         surfaces = [ob for ob in context.selected_objects if ob.type in SOLID_TYPES]  # not lights, cameras and the like
-        return BakeJob(context, surfaces, group.to_settings(**changes), group.to_output(scale=self.scale))
+        return BakeJob(
+            context,
+            surfaces,
+            group.to_settings(**changes),
+            group.to_output(scale=self.scale),
+            group.to_light(quantity=self.quantity),
+        )
 
     def _fail(self, context: bpy.types.Context, error: BaseException) -> set[str]:
         """Take everything down after an error; one that is meant for the user is reported, any other raised."""

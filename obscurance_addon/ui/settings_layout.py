@@ -12,7 +12,18 @@ _MARGIN_PX = 60.0  # icon and borders
 
 def draw_settings(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     """Settings in the order in which an artist thinks: what, how far, how fine, where to."""
-    layout.prop(settings, "use_bleeding")
+    layout.prop(settings, "quantity", text="What")
+    if settings.quantity in {"AMBIENT", "COMBINED"}:
+        column = layout.column()
+        column.prop(settings, "ambient")
+        column.prop(settings, "reflector_mode")
+        if settings.reflector_mode == "NUMBER":
+            column.prop(settings, "reflectors")
+    elif settings.quantity == "RADIOSITY":
+        layout.prop(settings, "indirect_only")
+    row = layout.row()
+    row.active = settings.quantity in {"OBSCURANCE", "AMBIENT", "COMBINED"}
+    row.prop(settings, "use_bleeding")
 
     column = layout.column()
     column.label(text="How Far")
@@ -35,7 +46,7 @@ def draw_settings(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup)
     row = column.row()
     row.active = settings.target == "FACE"
     row.prop(settings, "corner_copy")
-    column.prop(settings, "scale")
+    column.prop(settings, "scale" if settings.quantity == "OBSCURANCE" else "exposure")
     column.prop(settings, "shared_meshes", text="Shared")
 
 

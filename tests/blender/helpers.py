@@ -12,6 +12,7 @@ from obscurance_addon.blender.bake_arrays import BakeArrays, prepare_arrays
 from obscurance_addon.blender.bake_job import BakeJob, BakeReport
 from obscurance_addon.blender.output_settings import OutputSettings, Target
 from obscurance_addon.blender.scene_geometry import SceneSnapshot, snapshot_scene
+from obscurance_addon.core.light_settings import LightSettings
 from obscurance_addon.core.settings import BakeSettings
 
 FACE_LAYER, CORNER_LAYER = "Obscurance", "Obscurance Color"
@@ -20,6 +21,7 @@ SEEDS, SIGMAS = 16, 5.0  # Student's t with 15 degrees of freedom exceeds 5 once
 NEAR_ORIGIN = 2e-6  # rays start a hair above their patch
 
 _SETTINGS = {field.name for field in dataclasses.fields(BakeSettings)}
+_LIGHT = {field.name for field in dataclasses.fields(LightSettings)}
 _READERS = {
     "FLOAT": ("value", "f4", 1),
     "INT": ("value", "i4", 1),
@@ -156,12 +158,13 @@ def notes_about(notes: Iterable[str], *words: str) -> list[str]:
 
 
 def job(*objects: bpy.types.Object, **changes: object) -> BakeJob:
-    """A bake with 16 rays and a reach of 1 m unless told otherwise; settings of estimator and output by name."""
+    """A bake with 16 rays and a reach of 1 m unless told otherwise; settings of estimator, light and output by name."""
     bpy.context.view_layer.update()
     changes = {"rays": 16, "distance": 1.0, "threads": 1} | changes
     settings = BakeSettings(**{k: v for k, v in changes.items() if k in _SETTINGS})
-    output = OutputSettings(**{k: v for k, v in changes.items() if k not in _SETTINGS})
-    return BakeJob(bpy.context, objects, settings, output)
+    light = LightSettings(**{k: v for k, v in changes.items() if k in _LIGHT})
+    output = OutputSettings(**{k: v for k, v in changes.items() if k not in _SETTINGS | _LIGHT})
+    return BakeJob(bpy.context, objects, settings, output, light)
 
 
 def bake(*objects: bpy.types.Object, **changes: object) -> BakeReport:

@@ -336,8 +336,8 @@ def test_emission_reaches_the_patches():
     ob.data.materials.clear()
     ob.data.materials.append(made)
     made = arrays(ob)
-    np.testing.assert_allclose(made.patch_emission, np.tile([3 * np.pi, 1.5 * np.pi, 0.0], (4, 1)), rtol=1e-6)
-    assert not made.patch_reflectance.any()
+    np.testing.assert_allclose(made.materials.emission, np.tile([3 * np.pi, 1.5 * np.pi, 0.0], (4, 1)), rtol=1e-6)
+    assert not made.materials.reflectance.any()
 
 
 def test_an_object_without_extent_is_named():

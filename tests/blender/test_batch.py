@@ -186,6 +186,7 @@ def test_options_win_over_the_settings_of_the_file(scene, tmp_path):
     report = tmp_path / "report.json"
     arguments = "--target POINT --attribute Shade --rays 8 --distance 0.5 --falloff LINEAR --no-bleeding --scale PAPER"
     arguments += " --sampler RANDOM --seed 3 --threads 2 --shared-meshes AVERAGE"
+    arguments += " --quantity AMBIENT --ambient EMISSION --reflectors 7 --indirect-only --exposure -2"
     assert run(scene, *arguments.split(), "--report", report) == 0
     settings = json.loads(report.read_text())["files"][0]["settings"]
     assert settings == {
@@ -202,6 +203,11 @@ def test_options_win_over_the_settings_of_the_file(scene, tmp_path):
         "threads": 2,
         "shared_meshes": "AVERAGE",
         "corner_copy": True,
+        "quantity": "AMBIENT",
+        "ambient": "EMISSION",
+        "reflectors": 7,
+        "indirect_only": True,
+        "exposure": -2.0,
     }
     attribute = load(scene)["Floor"].data.attributes["Shade"]
     assert (attribute.data_type, attribute.domain) == ("FLOAT_COLOR", "POINT")

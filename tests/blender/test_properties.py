@@ -8,6 +8,7 @@ import pytest
 from obscurance_addon.blender.output_settings import OutputSettings, Scale, SharedMeshes, Target
 from obscurance_addon.core.errors import SettingsError
 from obscurance_addon.core.falloff import Falloff
+from obscurance_addon.core.light_settings import Ambient, LightSettings, Quantity
 from obscurance_addon.core.settings import MAX_RAYS_PER_PATCH, BakeSettings, Sampler
 
 OTHER = {
@@ -25,6 +26,12 @@ OTHER = {
     "shared_meshes": "AVERAGE",
     "ray_budget": 5000,
     "corner_copy": False,
+    "quantity": "RADIOSITY",
+    "ambient": "EMISSION",
+    "reflector_mode": "NUMBER",
+    "reflectors": 16,
+    "indirect_only": True,
+    "exposure": -1.5,
 }
 
 
@@ -52,6 +59,7 @@ def test_defaults_are_those_of_the_core(group):
     """An untouched scene asks for what the core does by itself."""
     assert group.to_settings() == BakeSettings()
     assert group.to_output() == OutputSettings()
+    assert group.to_light() == LightSettings()
     assert group.distance_mode == "AUTO"
 
 
@@ -75,6 +83,10 @@ def test_every_setting_reaches_the_core(group):
         scale=Scale.PAPER,
         shared_meshes=SharedMeshes.AVERAGE,
         corner_copy=False,
+        exposure=-1.5,
+    )
+    assert group.to_light() == LightSettings(
+        quantity=Quantity.RADIOSITY, ambient=Ambient.EMISSION, reflectors=16, indirect_only=True
     )
 
 
@@ -86,6 +98,8 @@ def test_every_choice_of_the_core_can_be_made(group):
         ("target", Target),
         ("scale", Scale),
         ("shared_meshes", SharedMeshes),
+        ("quantity", Quantity),
+        ("ambient", Ambient),
     ):
         items = group.bl_rna.properties[name].enum_items
         assert {item.identifier for item in items} == {member.value for member in kind}

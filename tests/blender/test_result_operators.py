@@ -182,7 +182,19 @@ def test_only_harmless_settings_can_be_keyed():
     """Where results go cannot change over time."""
     group = bpy.context.scene.obscurance.bl_rna.properties
     keyable = {name for name in setting_names() if group[name].is_animatable}
-    assert keyable == {"use_bleeding", "distance_mode", "distance", "falloff", "rays", "scale", "seed"}
+    assert keyable == {
+        "use_bleeding",
+        "distance_mode",
+        "distance",
+        "falloff",
+        "rays",
+        "scale",
+        "seed",
+        "ambient",
+        "reflector_mode",
+        "reflectors",
+        "exposure",
+    }
     bpy.context.scene.obscurance.keyframe_insert("distance", frame=1)
     with pytest.raises(TypeError):
         bpy.context.scene.obscurance.keyframe_insert("target", frame=1)

@@ -182,7 +182,6 @@ class Scene:
             kw["intersector"] = brute_force
         return bake_obscurances(self.surfaces, self.patches, settings or BakeSettings(), **kw)
 
-
     def bake_light(
         self,
         quantity: str,

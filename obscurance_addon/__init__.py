@@ -10,9 +10,9 @@ _cli_command = None
 
 def _parts():
     from .blender import handlers, properties
-    from .ui import operators, panels, preferences, presets, result_operators
+    from .ui import material_operators, operators, panels, preferences, presets, result_operators
 
-    return properties, preferences, operators, result_operators, presets, panels, handlers
+    return properties, preferences, operators, result_operators, material_operators, presets, panels, handlers
 
 
 def register():

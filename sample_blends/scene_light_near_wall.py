@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from meshing import Body, Vector, box, box_sides, hexahedron
+from meshing import Body, Vector, box_sides, hexahedron
 from scene_description import Camera, Material, Sample, SceneObject
 
 ROOM_SIZE: Vector = (3.0, 4.0, 2.4)
 CELLS = (15, 20, 12)
 """Patches of exactly 20 cm x 20 cm on every wall."""
 
-# The light: a thin closed box that shines from all its sides, 10 cm in front of the blue wall (x = 0).
+# The light: a thin closed box, 10 cm in front of the blue wall (x = 0), that shines at that wall and nowhere else.
 LAMP_LOWER: Vector = (0.10, 2.2, 1.3)
 LAMP_UPPER: Vector = (0.14, 2.8, 1.7)
 LAMP_CELLS = (1, 6, 4)
@@ -24,7 +24,8 @@ SHORT_BLOCK = ((2.05, 2.2), 0.6, 0.6, -17.0)
 MATERIALS = {
     "White": Material((0.75, 0.75, 0.75)),
     "Blue": Material((0.08, 0.12, 0.65)),
-    "Lamp": Material((0.0, 0.0, 0.0), (30.0, 30.0, 30.0)),
+    "Lamp": Material((0.0, 0.0, 0.0), (60.0, 60.0, 60.0)),
+    "Housing": Material((0.2, 0.2, 0.2)),
 }
 
 CAMERA = Camera((2.55, 0.1, 1.4), (1.0, 3.0, 1.05), 19.0)
@@ -35,11 +36,13 @@ def sample() -> Sample:
     sides = box_sides((0.0, 0.0, 0.0), ROOM_SIZE, "White")
     sides["left"] = replace(sides["left"], material="Blue")
     room = Body("Room", tuple(side.flipped() for side in sides.values())).divided(*CELLS)
+    lamp = box_sides(LAMP_LOWER, LAMP_UPPER, "Housing")
+    lamp["left"] = replace(lamp["left"], material="Lamp")
     objects = (
         SceneObject("Room", (room,)),
         SceneObject("Tall Block", (_block("Tall Block", *TALL_BLOCK).divided(3, 3, 6),)),
         SceneObject("Short Block", (_block("Short Block", *SHORT_BLOCK).divided(3, 3, 3),)),
-        SceneObject("Lamp", (box("Lamp", LAMP_LOWER, LAMP_UPPER, "Lamp").divided(*LAMP_CELLS),)),
+        SceneObject("Lamp", (Body("Lamp", tuple(lamp.values())).divided(*LAMP_CELLS),)),
     )
     return Sample("light_near_wall", objects, MATERIALS, CAMERA, expected_polygons=24, expected_patches=1652)
 

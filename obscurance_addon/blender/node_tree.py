@@ -9,6 +9,7 @@ import bpy
 from .expressions import Constant
 
 # Deeper trees are not followed: each node takes several frames of Python's stack.
+BAKED_LIGHT = "obscurance_attribute"  # custom property of node groups that add baked light to a surface
 MAX_DEPTH = 100
 NUMBERS = {"VALUE", "INT", "BOOLEAN"}
 
@@ -110,6 +111,8 @@ class Output:
     def behind(self) -> Input | None:
         """The input whose value this output only hands on (muted node, reroute, group); None for all other nodes.
 
+        A group that adds baked light counts as handing on: what it adds is the result of a bake.
+
         Raises
         ------
         NothingLinkedError
@@ -123,6 +126,8 @@ class Output:
             found = Input(node.inputs[0], self.scope)
         elif node.bl_idname == "NodeGroupInput" and self.scope is not None:
             found = Input(_socket(self.scope.instance.inputs, identifier), self.scope.outer)
+        elif hasattr(node, "node_tree") and node.node_tree is not None and BAKED_LIGHT in node.node_tree:
+            found = Input(node.inputs[0], self.scope)
         elif hasattr(node, "node_tree"):
             inner = node.node_tree.nodes if node.node_tree else ()
             ends = (n.inputs for n in inner if n.bl_idname == "NodeGroupOutput" and n.is_active_output)

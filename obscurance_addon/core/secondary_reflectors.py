@@ -5,8 +5,9 @@ reflectors: what they scatter, U_j = R_j H_j, leaves the unshot light and arrive
 is unshot again. The ambient light is computed from what is unshot at the end, so that nothing counts twice.
 
 A reflector is a patch, or several small ones side by side, so that the choice does not depend on how fine the meshes
-are. Exact form factors to its triangles come from points spread over the receiver; each is multiplied by the visibility
-of a point on that triangle.
+are. Form factors are means over points spread over the receiver and the reflector: near by, of the exact form factor
+from the point to a whole triangle, times the visibility of a point on it, which has no spikes; farther away, of the
+kernel cos cos / (pi r^2) between two points that see each other.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ import numpy as np
 from .direct_light import LitScene
 from .emissive_triangles import LUMINANCE
 from .form_factors import triangle_form_factors
+from .lamps import TINY
 from .patch_samples import scramble_of
 from .patches import Cells
-from .sampling import SCRAMBLES, sample_triangle, unit_points
+from .sampling import sample_triangle, unit_points
 from .settings import BakeSettings
 from .sobol import hash32
 
@@ -33,8 +35,10 @@ REFLECTOR_SIZE = 1.0 / 32.0  # of the diagonal of what is baked: patches within 
 MAX_OTHER_RECEIVERS = 4096  # patches that are not baked count only in a sum, for which a sample is enough
 
 # Samples of a pair by how much of the receiver's hemisphere the reflector covers at most.
-_SAMPLES = ((0.0, 2), (0.02, 4), (0.1, 8))
+_SAMPLES = ((0.0, 1), (0.005, 2), (0.02, 4), (0.1, 8))
 _MOST_SAMPLES = 8
+_NEAR = 0.02  # cover from which exact form factors replace the kernel that they are integrals of, which spikes there
+_POINT_SETS = 64  # independent ones; neighbours rarely share one
 _TABLE_REFLECTORS = 512  # sequences of places repeat after that many reflectors
 _BLOCK_PAIRS = 1 << 16
 
@@ -203,14 +207,22 @@ class _Pairs:
         self, scene: LitScene, reflectors: Reflectors, exitance: np.ndarray, settings: BakeSettings, replicate: int
     ) -> None:
         cells = scene.traced.cells
-        self.scene, self.reflectors, self.exitance, self.cells = scene, reflectors, exitance, cells
+        self.intersector, self.reflectors, self.cells = scene.traced.intersector, reflectors, cells
+        patch = cells.patch[reflectors.cell]
+        self.power = (exitance[patch] / reflectors.share[:, None]).astype(np.float32)  # of an entry, over its chance
         seed = int(hash32(np.uint32(settings.seed) ^ hash32(np.uint32(replicate ^ 0x5EC0))))
-        self.scramble = scramble_of(scene.ids, seed)
-        rows = _MOST_SAMPLES * min(len(reflectors), _TABLE_REFLECTORS)
-        self.table = unit_points(settings.sampler, seed, np.arange(SCRAMBLES), 0, rows).astype(np.float32)
+        self.scramble = scramble_of(scene.ids, seed) % _POINT_SETS
+        self.rows = _MOST_SAMPLES * min(len(reflectors), _TABLE_REFLECTORS)
+        points = unit_points(settings.sampler, seed, np.arange(_POINT_SETS), 0, self.rows)
+        self.table = points.astype(np.float32).reshape(-1, 4)
         frames = cells.frames
-        self.normal = frames[:, 2, 3:]
-        self.corner = frames[:, 2, :3]  # one offset above the surface: where rays start, and where they end
+        self.normal = np.ascontiguousarray(frames[:, 2, 3:])
+        self.edge1, self.edge2 = (np.ascontiguousarray(frames[:, k, :3]) for k in (0, 1))
+        self.corner = np.ascontiguousarray(
+            frames[:, 2, :3]
+        )  # one offset above the surface: where rays start, and where they end
+        self.cell_area = cells.weight * cells.area[cells.patch]
+        self.kernel_area = (self.cell_area / np.pi).astype(np.float32)
         self.centre, self.radius, self.size = self._balls()
         self.first_cell = np.searchsorted(cells.patch, np.arange(len(cells.area) + 1))
         # Ascending over all cells: share of the patch's area up to the cell, plus the patch's index.
@@ -226,12 +238,12 @@ class _Pairs:
 
     def _balls(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Centre (k, 3), radius (k,) and area (k,) of a ball around each reflector."""
-        reflectors, cells = self.reflectors, self.cells
-        frames = cells.frames[reflectors.cell]
-        corners = frames[:, 2:3, :3] + np.concatenate([np.zeros((len(frames), 1, 3)), frames[:, :2, :3]], 1)
+        reflectors = self.reflectors
+        first, edge1, edge2 = (part[reflectors.cell] for part in (self.corner, self.edge1, self.edge2))
+        corners = np.stack([first, first + edge1, first + edge2], 1)
         low = np.minimum.reduceat(corners.min(1), reflectors.start[:-1])
         high = np.maximum.reduceat(corners.max(1), reflectors.start[:-1])
-        area = cells.weight[reflectors.cell] * cells.area[cells.patch[reflectors.cell]]
+        area = self.cell_area[reflectors.cell]
         return (
             0.5 * (low + high),
             0.5 * np.linalg.norm(high - low, axis=1),
@@ -245,10 +257,10 @@ class _Pairs:
         samples = np.zeros(len(row), np.int64)
         for at_least, number in _SAMPLES:
             samples[cover >= at_least] = number
-        for _, number in _SAMPLES:
-            chosen = samples == number
-            if chosen.any():
-                light, cast = self._sample(receivers[row[chosen]], reflector[chosen], number)
+        for at_least, number in _SAMPLES:
+            chosen = np.flatnonzero(samples == number)
+            if len(chosen):
+                light, cast = self._sample(receivers[row[chosen]], reflector[chosen], number, at_least >= _NEAR)
                 rays += cast
                 found += np.stack([np.bincount(row[chosen], column, len(receivers)) for column in light.T], -1)
         return found, rays
@@ -257,45 +269,57 @@ class _Pairs:
         """Pairs (row, reflector) that may see each other, and the most of the hemisphere that the reflector covers."""
         rows = np.flatnonzero(self.first_cell[receivers + 1] > self.first_cell[receivers])
         patch = receivers[rows]
-        frames = self.cells.frames[self.first_cell[patch]]
-        middle = frames[:, 2, :3] + (frames[:, 0, :3] + frames[:, 1, :3]) / 3.0
-        towards = self.centre - middle[:, None]
-        height = np.einsum("rkj,rj->rk", towards, frames[:, 2, 3:])
+        cell = self.first_cell[patch]
+        middle = self.corner[cell] + (self.edge1[cell] + self.edge2[cell]) / 3.0
+        normal = self.normal[cell]
+        height = normal @ self.centre.T - np.einsum("ij,ij->i", normal, middle)[:, None]
         r, k = np.nonzero(height > -self.radius - self.bend[patch][:, None])
-        square = np.einsum("rkj,rkj->rk", towards, towards)[r, k]
+        towards = self.centre[k] - middle[r]
+        square = np.einsum("ij,ij->i", towards, towards)
         return rows[r], k, self.size[k] / (np.pi * square + self.size[k])
 
-    def _sample(self, patch: np.ndarray, reflector: np.ndarray, number: int) -> tuple[np.ndarray, int]:
+    def _sample(self, patch: np.ndarray, reflector: np.ndarray, number: int, near: bool) -> tuple[np.ndarray, int]:
         """Irradiance (q, 3) of patches from reflectors, pair by pair, from `number` places each."""
-        q, cells = len(patch), self.cells
-        index = _MOST_SAMPLES * (reflector % _TABLE_REFLECTORS)[:, None] + np.arange(number)
-        unit = self.table[self.scramble[patch][:, None], index].reshape(-1, 4).astype(np.float64)
-        patch, reflector = np.repeat(patch, number), np.repeat(reflector, number)
+        q = len(patch)
+        index = (reflector % _TABLE_REFLECTORS * number)[:, None] + np.arange(number)
+        index += (self.scramble[patch] * self.rows)[:, None]
+        unit = np.take(self.table, index.ravel(), axis=0)
+        if number > 1:
+            patch, reflector = np.repeat(patch, number), np.repeat(reflector, number)
         own, u = _pick(self.end_weight, patch, unit[:, 0])
         stratum = (np.tile(np.arange(number), q) + unit[:, 2]) / number
         chosen, v = _pick(self.reflectors.end_share, reflector, stratum)
         other = self.reflectors.cell[chosen]
-        points = self._place(own, u, unit[:, 1])
-        frames = cells.frames[other].astype(np.float64)
-        corner = frames[:, 2, :3]
-        corners = np.stack([corner, corner + frames[:, 0, :3], corner + frames[:, 1, :3]], 1)
-        factor = triangle_form_factors(points, self.normal[own], corners)
-        seen = np.flatnonzero(factor > 0.0)
-        towards = self._place(other[seen], v[seen], unit[seen, 3]) - points[seen]
-        distance = np.sqrt(np.einsum("ij,ij->i", towards, towards))
-        direction = (towards / np.maximum(distance, 1e-20)[:, None]).astype(np.float32)
-        blocked = self.scene.traced.intersector.occluded(
-            points[seen].astype(np.float32), direction, distance.astype(np.float32)
-        )
-        factor[seen[blocked]] = 0.0
-        light = (factor / (self.reflectors.share[chosen] * number))[:, None] * self.exitance[cells.patch[other]]
-        return light.reshape(q, number, 3).sum(1), len(seen)
+        points, towards = self._place(own, u, unit[:, 1]), self._place(other, v, unit[:, 3])
+        towards -= points
+        square = np.maximum(np.einsum("ij,ij->i", towards, towards), TINY)
+        distance = np.sqrt(square)
+        towards /= distance[:, None]
+        leaving = -np.einsum("ij,ij->i", towards, np.take(self.normal, other, axis=0))
+        if near:
+            corner = self.corner[other]
+            corners = np.stack([corner, corner + self.edge1[other], corner + self.edge2[other]], 1)
+            factor = triangle_form_factors(points, self.normal[own], corners)
+        else:
+            factor = np.einsum("ij,ij->i", towards, np.take(self.normal, own, axis=0))
+            np.maximum(factor, 0.0, out=factor)
+            factor *= leaving * np.take(self.kernel_area, other) / square
+        seen = np.flatnonzero((factor > 0.0) & (leaving > 0.0))
+        blocked = self.intersector.occluded(*(np.take(array, seen, axis=0) for array in (points, towards, distance)))
+        seen, number_seen = seen[~blocked], len(seen)
+        chosen = np.take(chosen, seen)
+        light = np.zeros((q * number, 3), np.float32)
+        light[seen] = (np.take(factor, seen) / number).astype(np.float32)[:, None] * np.take(self.power, chosen, axis=0)
+        return (light if number == 1 else light.reshape(q, number, 3).sum(1)), number_seen
 
     def _place(self, cell: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Points (n, 3) on cells (n,), one ray offset above them."""
-        b = sample_triangle(np.stack([u, v], -1))
-        frames = self.cells.frames[cell]
-        return frames[:, 2, :3] + b[:, :1] * frames[:, 0, :3] + b[:, 1:] * frames[:, 1, :3]
+        b = sample_triangle(np.stack([u, v], -1)).astype(np.float32)
+        place = np.take(self.edge1, cell, axis=0)
+        place *= b[:, :1]
+        place += b[:, 1:] * np.take(self.edge2, cell, axis=0)
+        place += np.take(self.corner, cell, axis=0)
+        return place
 
 
 def _pick(ends: np.ndarray, owner: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -305,4 +329,5 @@ def _pick(ends: np.ndarray, owner: np.ndarray, u: np.ndarray) -> tuple[np.ndarra
     """
     picked = np.searchsorted(ends, owner + np.minimum(u, 1.0 - 1e-9), side="right")
     start = np.where(picked > 0, ends[picked - 1], 0.0)
-    return picked, np.clip((owner + u - start) / np.maximum(ends[picked] - start, 1e-12), 0.0, 1.0)
+    rest = np.clip((owner + u - start) / np.maximum(ends[picked] - start, 1e-12), 0.0, 1.0)
+    return picked, rest.astype(np.float32)

@@ -6,6 +6,7 @@ import bpy
 
 from ..blender.viewport_shading import shows_result
 from ..core.native_library import why_missing
+from .material_operators import OBSCURANCE_OT_apply_in_materials
 from .operators import OBSCURANCE_OT_bake, sentence
 from .presets import OBSCURANCE_PT_presets
 from .result_operators import OBSCURANCE_OT_copy_for_export, OBSCURANCE_OT_show_result
@@ -66,6 +67,23 @@ class OBSCURANCE_PT_sampling(_Sidebar, bpy.types.Panel):
             layout.prop(context.scene.obscurance, name)
 
 
+class OBSCURANCE_PT_materials(_Sidebar, bpy.types.Panel):
+    """Materials that show baked ambient light"""
+
+    bl_label = "Materials"
+    bl_idname = "OBSCURANCE_PT_materials"
+    bl_parent_id = "OBSCURANCE_PT_bake"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = self.layout.column()
+        if context.scene.obscurance.quantity not in {"AMBIENT", "RADIOSITY"}:
+            draw_message(column, "Bake Ambient Light to show it in materials", "INFO", context.region.width)
+        row = column.row(align=True)
+        row.operator(OBSCURANCE_OT_apply_in_materials.bl_idname, text="Add", icon="ADD").action = "ADD"
+        row.operator(OBSCURANCE_OT_apply_in_materials.bl_idname, text="Remove", icon="REMOVE").action = "REMOVE"
+
+
 class OBSCURANCE_PT_export(_Sidebar, bpy.types.Panel):
     """Copies of the result for other programs"""
 
@@ -88,6 +106,7 @@ class OBSCURANCE_MT_object(bpy.types.Menu):
         layout = self.layout
         layout.operator(OBSCURANCE_OT_bake.bl_idname, icon="RENDER_STILL")
         layout.operator(OBSCURANCE_OT_show_result.bl_idname)
+        layout.operator_menu_enum(OBSCURANCE_OT_apply_in_materials.bl_idname, "action")
         layout.operator_menu_enum(OBSCURANCE_OT_copy_for_export.bl_idname, "format")
 
 
@@ -103,7 +122,13 @@ def _what(meshes: list[str]) -> str:
     return meshes[0] if len(meshes) == 1 else f"{len(meshes)} mesh objects"
 
 
-_CLASSES = (OBSCURANCE_PT_bake, OBSCURANCE_PT_sampling, OBSCURANCE_PT_export, OBSCURANCE_MT_object)
+_CLASSES = (
+    OBSCURANCE_PT_bake,
+    OBSCURANCE_PT_sampling,
+    OBSCURANCE_PT_materials,
+    OBSCURANCE_PT_export,
+    OBSCURANCE_MT_object,
+)
 
 
 def register() -> None:

@@ -85,10 +85,10 @@ def relative_rmse(found: np.ndarray, exact: np.ndarray) -> float:
 
 
 def probes(n: int = 24, size: float = 4.0, side: float = 0.002, **kw: object) -> bpy.types.Object:
-    """n x n tiny squares that look up from a horizontal square about the origin, so small that light on each is even."""
+    """n x n tiny squares, spread over a horizontal square and looking up, so small that light on each is even."""
     at = (np.arange(n) + 0.5) / n * size - 0.5 * size
     corners = 0.5 * side * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
-    vertices = np.concatenate([corners + (x, y, 0.0) for y in at for x in at])
+    vertices = np.concatenate([corners + np.array((x, y, 0.0)) for y in at for x in at])
     return new_object("Probes", vertices, np.arange(4 * n * n).reshape(-1, 4), **kw)
 
 

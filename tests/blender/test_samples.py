@@ -47,7 +47,7 @@ COLOURS = {
 }
 EMISSIONS = {
     "cornell_box": ("Light", (17.971, 11.525, 3.164)),
-    "light_near_wall": ("Lamp", (30.0, 30.0, 30.0)),
+    "light_near_wall": ("Lamp", (60.0, 60.0, 60.0)),
     "room_1423": ("Light Strip", (4.0, 4.0, 4.0)),
     "room_4016": ("Light Strip", (4.0, 4.0, 4.0)),
 }

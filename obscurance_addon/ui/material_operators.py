@@ -1,0 +1,87 @@
+"""The operator that makes materials show baked ambient light."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..blender.ambient_nodes import add_ambient, remove_ambient
+from ..blender.object_mode import ObjectModeGuard
+from ..core.errors import ObscuranceError
+from .operators import sentence
+
+
+class OBSCURANCE_OT_apply_in_materials(bpy.types.Operator):
+    """Show baked ambient light in the materials of the selected objects, or no longer"""
+
+    bl_idname = "obscurance.apply_in_materials"
+    bl_label = "Apply in Materials"
+    bl_options = {"REGISTER", "UNDO"}
+
+    action: bpy.props.EnumProperty(
+        name="Action",
+        description="Choose whether materials get ambient light or lose it again",
+        items=[
+            ("ADD", "Add", "Add the baked ambient light to what the materials show, by one node group in each"),
+            ("REMOVE", "Remove", "Take the ambient light out again and leave the materials as they were"),
+        ],
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not any(ob.type == "MESH" for ob in context.selected_objects):
+            cls.poll_message_set("Select at least one mesh object that is baked")
+            return False
+        return True
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        return cls.bl_rna.properties["action"].enum_items[properties.action].description
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = context.scene.obscurance
+        guard = ObjectModeGuard(context)
+        try:
+            if self.action == "REMOVE":
+                change = remove_ambient(context.selected_objects)
+            elif settings.quantity == "AMBIENT" or (settings.quantity == "RADIOSITY" and settings.indirect_only):
+                change = add_ambient(context.selected_objects, settings.to_output())
+            else:
+                raise ObscuranceError(
+                    "what is baked is not ambient light, so lamps would count twice: set the quantity to Ambient Light "
+                    "and bake"
+                )
+        except ObscuranceError as error:
+            self.report({"ERROR"}, sentence(str(error)))
+            return {"CANCELLED"}
+        finally:
+            guard.restore(context)
+        for note in change.notes:
+            self.report({"WARNING"}, sentence(note))
+        self._tell(context, change.objects, change.changed)
+        return {"FINISHED"} if change.changed else {"CANCELLED"}
+
+    def _tell(self, context: bpy.types.Context, objects: list[str], changed: bool) -> None:
+        names = ", ".join(map(repr, objects))
+        if not changed:
+            self.report({"INFO"}, f"Nothing to do: {names or 'no material'} shows no other ambient light")
+        elif self.action == "REMOVE":
+            self.report({"INFO"}, f"Ambient light is no longer shown by {names}")
+        else:
+            self.report({"INFO"}, f"Ambient light is shown by {names}")
+            if context.scene.render.engine == "CYCLES" and context.scene.cycles.diffuse_bounces > 0:
+                self.report(
+                    {"WARNING"},
+                    "Cycles adds indirect light of its own: set Diffuse to 0 in Render Properties > Light Paths > Max "
+                    "Bounces, to see direct and baked ambient light",
+                )
+
+
+def register() -> None:
+    """Register the operator."""
+    bpy.utils.register_class(OBSCURANCE_OT_apply_in_materials)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.utils.unregister_class(OBSCURANCE_OT_apply_in_materials)

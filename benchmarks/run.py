@@ -2,7 +2,8 @@
 
     python benchmarks/run.py [--only NAME ...] [--table] [--repeats N]
 
-Raw JSON goes to benchmarks/results/, the table to benchmarks/README.md; --only renews those parts and keeps the others.
+Raw JSON goes to benchmarks/results/, the tables to benchmarks/README.md and docs/light_error.md; --only renews those
+parts and keeps the others.
 Times are of one shared machine: read the ratios, which compare things measured side by side in one run.
 """
 
@@ -16,13 +17,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import light_table
 import table
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results"
+LIGHT_PAGE = HERE.parent / "docs" / "light_error.md"
 SCALING_SIZES = (10_000, 31_684, 100_489, 315_844, 1_000_000)  # faces of square grids, half a decade apart
 STREAMS_FACES, STREAMS_RAYS = 31_684, (16, 64, 1024, 4096)
-NAMES = ("trace_rate", "whole_bake", "scaling", "streams", "cycles_ao")
+NAMES = ("trace_rate", "whole_bake", "scaling", "streams", "cycles_ao", "light_error")
 
 
 def main() -> None:
@@ -48,8 +51,9 @@ def main() -> None:
             results = _in_process(name, options.repeats)
         record = {"machine": _machine(), "results": results}
         (RESULTS / f"{name}.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-    (HERE / "README.md").write_text(table.text(RESULTS), encoding="utf-8")
-    print(f"wrote {HERE / 'README.md'}")
+    for path, text in ((HERE / "README.md", table.text(RESULTS)), (LIGHT_PAGE, light_table.text(RESULTS))):
+        path.write_text(text, encoding="utf-8")
+        print(f"wrote {path}")
 
 
 def _in_process(*arguments: str | int) -> object:

@@ -42,12 +42,12 @@ def text(results: Path) -> str:
     return "".join(parts).rstrip() + "\n"
 
 
-def _table(head: list[str], rows: list[list[str]]) -> str:
+def markdown_table(head: list[str], rows: list[list[str]]) -> str:
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n\n"
 
 
-def _against(value: float, aim: float, style: str, at_least: bool = True) -> str:
+def against(value: float, aim: float, style: str, at_least: bool = True) -> str:
     """A figure, and whether it meets what we aim for."""
     return f"{value:{style}} ({'met' if (value >= aim) == at_least else 'missed'})"
 
@@ -63,14 +63,14 @@ def _trace_rate(results: list[dict]) -> str:
                 f"{r['rays']:,}",
                 f"{ours:.2f}",
                 f"{bare:.2f}",
-                _against(ratio, 0.85, ".3f"),
+                against(ratio, 0.85, ".3f"),
             ]
         )
     return (
         f"## Tracing and weighing, beside bare embreex\n\nSuzanne with {results[0]['faces'] - 1:,} faces over a plane, "
         "64 rays a face, automatic distance. Bare embreex answers the very same rays in blocks of the same size on as "
         "many threads, and throws the answers away.\n\n"
-        + _table(["", "rays", "Mrays/s", "bare Mrays/s", "ratio (aim: 0.85)"], rows)
+        + markdown_table(["", "rays", "Mrays/s", "bare Mrays/s", "ratio (aim: 0.85)"], rows)
     )
 
 
@@ -85,14 +85,14 @@ def _whole_bake(results: list[dict]) -> str:
             *(f"{median[name]:.3f}" for name in names),
             f"{r['fill_seconds']:.3f}",
             f"{ratio:.2f}",
-            _against(apart, 1.5, ".2f", at_least=False),
+            against(apart, 1.5, ".2f", at_least=False),
         ]
     ]
     return (
         f"## Whole bake\n\nThe same scene through `BakeJob`, from reading the scene to the attributes written: "
         f"{r['rays']:,} rays, those for the error estimate included. Seconds per phase; embreex's copying of triangles "
         "into its buffers is part of build and given apart.\n\n"
-        + _table([*names, "of build: copying", "whole / trace", "without copying (aim: 1.5)"], rows)
+        + markdown_table([*names, "of build: copying", "whole / trace", "without copying (aim: 1.5)"], rows)
     )
 
 
@@ -112,18 +112,21 @@ def _scaling(results: list[dict]) -> str:
         )
     faces = np.log([r["faces"] for r in results])
     seconds = np.log([sum(r["phases"][-1].values()) for r in results])
-    slope = _against(np.polyfit(faces, seconds, 1)[0], 1.12, ".3f", at_least=False)
+    slope = against(np.polyfit(faces, seconds, 1)[0], 1.12, ".3f", at_least=False)
     return (
         "## Growth with the scene\n\nA bumpy terrain whose rays meet the same surroundings at every size: 64 rays a "
         f"face, distance four faces. Time against faces on log-log axes has slope {slope} (aim: at most 1.12).\n\n"
-        + _table(["faces", "bake, µs/face", "of it trace", "memory, bytes/face", "peak of the process, GiB"], rows)
+        + markdown_table(
+            ["faces", "bake, µs/face", "of it trace", "memory, bytes/face", "peak of the process, GiB"], rows
+        )
     )
 
 
 def _streams(results: list[dict]) -> str:
     rows = [[f"{r['rays_per_face']:,}", f"{r['rays']:,}", f"{r['peak_bytes'] / 2**20:,.0f}"] for r in results]
-    return f"## Memory beside the number of rays\n\nThe same terrain with {results[0]['faces']:,} faces.\n\n" + _table(
-        ["rays a face", "rays", "peak of the process, MiB"], rows
+    return (
+        f"## Memory beside the number of rays\n\nThe same terrain with {results[0]['faces']:,} faces.\n\n"
+        + markdown_table(["rays a face", "rays", "peak of the process, MiB"], rows)
     )
 
 
@@ -141,7 +144,7 @@ def _cycles_ao(results: list[dict]) -> str:
                 r["scene"],
                 f"{r['faces']:,}",
                 *seconds,
-                _against(faster["face"], 20.0, ".1f"),
+                against(faster["face"], 20.0, ".1f"),
                 f"{faster['corner']:.1f}",
                 *noise,
             ]
@@ -152,7 +155,7 @@ def _cycles_ao(results: list[dict]) -> str:
         "Cycles computes a value at every corner of every face; ours one for each face (FACE), or one for the surface "
         "around each group of smooth corners (CORNER). Noise is the random error per face, from two seeds; that of "
         "Cycles is of the mean of a face's corners, four times as many samples.\n\n"
-        + _table(
+        + markdown_table(
             [
                 "scene",
                 "faces",

@@ -51,10 +51,11 @@ def ambient_from_emission(flux: np.ndarray, area: float, r_ave: np.ndarray) -> n
 
 
 def ambient_from_received(flux: np.ndarray, area: float, r_ave: np.ndarray, openness: float) -> np.ndarray:
-    """Ambient irradiance (3,) W/m^2 from the direct light that surfaces scatter: sum A R H / (A_total (1 - C R_ave)).
+    """Ambient irradiance (3,) W/m^2 from the direct light that surfaces scatter: C sum A R H / (A_total (1 - C R_ave)).
 
-    It equals `ambient_from_emission` where R is the same everywhere and the scene is closed (C = 1). It knows on which
-    colour light falls, and that light leaves a scene through its openings at every bounce.
+    The share C of light that leaves a surface meets another one, at every bounce: sum over n of C (C R_ave)^n. The
+    result equals `ambient_from_emission` where R is the same everywhere and the scene is closed (C = 1), and it knows
+    on which colour light falls.
 
     Parameters
     ----------
@@ -65,7 +66,8 @@ def ambient_from_received(flux: np.ndarray, area: float, r_ave: np.ndarray, open
     openness : float
         1 - C, 0 .. 1.
     """
-    return flux / (area * (1.0 - (1.0 - openness) * r_ave))
+    closed = 1.0 - openness
+    return closed * flux / (area * (1.0 - closed * r_ave))
 
 
 def mean_reflectance(

@@ -206,13 +206,14 @@ def shoot_random_walks(
     patch = np.searchsorted(running, (np.arange(walks) + random.random(walks)) / walks, side="right")
     patch = np.minimum(patch, n_patches - 1)
     power = unshot[patch] * (area / np.where(weight > 0.0, weight, 1.0))[patch, None] * (weight.sum() / walks)
+    more = np.where(valid > 0.0, 1.0 / np.where(valid > 0.0, valid, 1.0), 0.0)
     for _ in range(_MAX_BOUNCES):
         if not len(patch):
             break
         target = np.empty(len(patch), np.int64)
         for at in range(0, len(patch), BLOCK_RAYS):
             part = slice(at, at + BLOCK_RAYS)
-            power[part] /= valid[patch[part], None]
+            power[part] *= more[patch[part], None]
             target[part] = _patch_seen(scene, *_leave(cells, patch[part], random))
             progress(len(patch[part]))
         rays += len(patch)

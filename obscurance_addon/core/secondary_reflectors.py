@@ -36,7 +36,7 @@ MAX_OTHER_RECEIVERS = 4096  # patches that are not baked count only in a sum, fo
 
 # Samples of a pair by how much of the receiver's hemisphere the reflector covers at most.
 _SAMPLES = ((0.0, 1), (0.005, 2), (0.02, 4), (0.1, 8))
-_MOST_SAMPLES = 8
+_MOST_SAMPLES = 16
 _NEAR = 0.02  # cover from which exact form factors replace the kernel that they are integrals of, which spikes there
 _POINT_SETS = 64  # independent ones; neighbours rarely share one
 _TABLE_REFLECTORS = 512  # sequences of places repeat after that many reflectors
@@ -212,7 +212,8 @@ class _Pairs:
         self.power = (exitance[patch] / reflectors.share[:, None]).astype(np.float32)  # of an entry, over its chance
         seed = int(hash32(np.uint32(settings.seed) ^ hash32(np.uint32(replicate ^ 0x5EC0))))
         self.scramble = scramble_of(scene.ids, seed) % _POINT_SETS
-        self.rows = _MOST_SAMPLES * min(len(reflectors), _TABLE_REFLECTORS)
+        self.boost = 1 << max(MAX_AUTOMATIC // len(reflectors), 1).bit_length() - 1  # few reflectors are sampled better
+        self.rows = min(_SAMPLES[-1][1] * self.boost, _MOST_SAMPLES) * min(len(reflectors), _TABLE_REFLECTORS)
         points = unit_points(settings.sampler, seed, np.arange(_POINT_SETS), 0, self.rows)
         self.table = points.astype(np.float32).reshape(-1, 4)
         frames = cells.frames
@@ -254,12 +255,12 @@ class _Pairs:
         """Irradiance (r, 3) of receivers (r,) before division by their exposed share, and the number of rays."""
         found, rays = np.zeros((len(receivers), 3)), 0
         row, reflector, cover = self._pairs_above_horizon(receivers)
-        samples = np.zeros(len(row), np.int64)
-        for at_least, number in _SAMPLES:
-            samples[cover >= at_least] = number
-        for at_least, number in _SAMPLES:
-            chosen = np.flatnonzero(samples == number)
+        covers = [at_least for at_least, _ in _SAMPLES]
+        band = np.searchsorted(covers, cover, side="right") - 1
+        for index, (at_least, number) in enumerate(_SAMPLES):
+            chosen = np.flatnonzero(band == index)
             if len(chosen):
+                number = min(number * self.boost, _MOST_SAMPLES)
                 light, cast = self._sample(receivers[row[chosen]], reflector[chosen], number, at_least >= _NEAR)
                 rays += cast
                 found += np.stack([np.bincount(row[chosen], column, len(receivers)) for column in light.T], -1)

@@ -44,7 +44,7 @@ class OBSCURANCE_OT_apply_in_materials(bpy.types.Operator):
         try:
             if self.action == "REMOVE":
                 change = remove_ambient(context.selected_objects)
-            elif settings.quantity == "AMBIENT" or (settings.quantity == "RADIOSITY" and settings.indirect_only):
+            elif settings.stores_indirect_light():
                 change = add_ambient(context.selected_objects, settings.to_output())
             else:
                 raise ObscuranceError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..blender.ambient_nodes import shows_ambient
 from ..blender.viewport_shading import shows_result
 from ..core.native_library import why_missing
 from .material_operators import OBSCURANCE_OT_apply_in_materials
@@ -49,6 +50,15 @@ class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
             icon="HIDE_OFF" if shown else "HIDE_ON",
             depress=shown,
         )
+        first = next((ob for ob in context.selected_objects if ob.type == "MESH"), None)
+        applied = first is not None and shows_ambient(first)
+        if applied or context.scene.obscurance.stores_indirect_light():
+            layout.operator(
+                OBSCURANCE_OT_apply_in_materials.bl_idname,
+                text="Remove from Materials" if applied else "Apply in Materials",
+                icon="MATERIAL",
+                depress=applied,
+            ).action = "REMOVE" if applied else "ADD"
 
 
 class OBSCURANCE_PT_sampling(_Sidebar, bpy.types.Panel):
@@ -65,23 +75,6 @@ class OBSCURANCE_PT_sampling(_Sidebar, bpy.types.Panel):
         layout.use_property_decorate = False
         for name in ("ray_budget", "sampler", "seed", "threads"):
             layout.prop(context.scene.obscurance, name)
-
-
-class OBSCURANCE_PT_materials(_Sidebar, bpy.types.Panel):
-    """Materials that show baked ambient light"""
-
-    bl_label = "Materials"
-    bl_idname = "OBSCURANCE_PT_materials"
-    bl_parent_id = "OBSCURANCE_PT_bake"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: bpy.types.Context) -> None:
-        column = self.layout.column()
-        if context.scene.obscurance.quantity not in {"AMBIENT", "RADIOSITY"}:
-            draw_message(column, "Bake Ambient Light to show it in materials", "INFO", context.region.width)
-        row = column.row(align=True)
-        row.operator(OBSCURANCE_OT_apply_in_materials.bl_idname, text="Add", icon="ADD").action = "ADD"
-        row.operator(OBSCURANCE_OT_apply_in_materials.bl_idname, text="Remove", icon="REMOVE").action = "REMOVE"
 
 
 class OBSCURANCE_PT_export(_Sidebar, bpy.types.Panel):
@@ -125,7 +118,6 @@ def _what(meshes: list[str]) -> str:
 _CLASSES = (
     OBSCURANCE_PT_bake,
     OBSCURANCE_PT_sampling,
-    OBSCURANCE_PT_materials,
     OBSCURANCE_PT_export,
     OBSCURANCE_MT_object,
 )

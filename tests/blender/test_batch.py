@@ -519,3 +519,81 @@ def test_exit_statuses_of_the_process(scene, tmp_path):
     assert wrong.returncode == 2
     assert "rays per patch is 0" in wrong.stderr
     assert command().returncode == 2
+
+
+# -------------------------------------------------------------------------------------------------------------- light
+
+
+def lit(path):
+    """The scene with a lamp."""
+    build()
+    light = bpy.data.lights.new("Lamp", "POINT")
+    light.energy = 50.0
+    lamp = bpy.data.objects.new("Lamp", light)
+    lamp.location = (1.0, 2.0, 1.0)
+    bpy.context.scene.collection.objects.link(lamp)
+    return save(path / "lit.blend")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("AMBIENT",),
+        ("AMBIENT", "--ambient", "EMISSION", "--no-bleeding"),
+        ("AMBIENT", "--reflectors", "4"),
+        ("DIRECT",),
+        ("COMBINED", "--reflectors", "auto"),
+        ("RADIOSITY",),
+        ("RADIOSITY", "--indirect-only"),
+    ],
+)
+def test_light_from_the_command_line(tmp_path, options):
+    """Each quantity arrives, and the report says the ambient light per channel and the reflectors."""
+    out, report = tmp_path / "out.blend", tmp_path / "report.json"
+    assert run(lit(tmp_path), "--quantity", *options, "--output", out, "--report", report) == 0
+    (entry,) = json.loads(report.read_text())["files"]
+    found = colors(load(out)["Floor"])
+    assert np.isfinite(found).all()
+    assert found.max() > 0.0
+    assert entry["settings"]["quantity"] == options[0]
+    if options[0] in ("AMBIENT", "COMBINED"):
+        assert len(entry["ambient_light"]) == 3
+        assert all(x > 0.0 for x in entry["ambient_light"])
+        assert 0.0 < entry["openness"] < 1.0
+    else:
+        assert entry["ambient_light"] is None
+    assert entry["reflectors"] == 4 or "4" not in options
+
+
+def test_quantities_fit_together(tmp_path):
+    """COMBINED is DIRECT plus AMBIENT; radiosity less its indirect part is DIRECT."""
+    scene, found = lit(tmp_path), {}
+    for name, options in {
+        "DIRECT": (),
+        "AMBIENT": (),
+        "COMBINED": (),
+        "RADIOSITY": (),
+        "INDIRECT": ("--indirect-only",),
+    }.items():
+        out = tmp_path / f"{name}.blend"
+        quantity = "RADIOSITY" if name == "INDIRECT" else name
+        assert run(scene, "--quantity", quantity, *options, "--output", out) == 0
+        found[name] = colors(load(out)["Floor"])
+    np.testing.assert_allclose(found["COMBINED"], found["DIRECT"] + found["AMBIENT"], rtol=1e-5)
+    np.testing.assert_allclose(found["RADIOSITY"] - found["INDIRECT"], found["DIRECT"], rtol=1e-4)
+
+
+@pytest.mark.parametrize("bad", ["few", "-1", "5000", "1.5"])
+def test_reflectors_that_make_no_sense(scene, capsys, bad):
+    assert "reflectors" in usage_error(capsys, scene, "--reflectors", bad)
+
+
+def test_radiosity_of_too_many_rays_is_refused_with_the_cure(tmp_path, capsys):
+    """Nothing is written, the exit status is 1."""
+    out = tmp_path / "out.blend"
+    build()
+    cube("Cube")  # six faces more: 11 of 2^24 rays
+    options = ("--quantity", "RADIOSITY", "--rays", str(1 << 24), "--output", out)
+    assert run(save(tmp_path / "large.blend"), *options) == 1
+    assert not out.exists()
+    assert "use fewer rays per patch" in capsys.readouterr().err

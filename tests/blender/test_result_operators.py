@@ -147,7 +147,18 @@ def test_a_distance_given_to_a_call_is_used(baked):
         ("Standard", {"rays": 64}),
         ("Final", {"rays": 1024}),
         ("Classic_Ambient_Occlusion", {"use_bleeding": False, "falloff": "STEP", "scale": "WHITE"}),
-        ("Paper_2003", {"use_bleeding": True, "falloff": "SQRT", "scale": "PAPER", "distance_mode": "AUTO"}),
+        (
+            "Paper_2003",
+            {
+                "use_bleeding": True,
+                "falloff": "SQRT",
+                "scale": "PAPER",
+                "distance_mode": "AUTO",
+                "ambient": "EMISSION",
+                "reflector_mode": "NUMBER",
+                "reflectors": 0,
+            },
+        ),
     ],
 )
 def test_presets_that_come_with_the_addon(name, expected):

@@ -1,5 +1,7 @@
 """What must not matter: where the scene is, how it is turned, and in which unit it is measured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,12 +63,10 @@ def test_rotation(seed):
     settings = BakeSettings(64, distance=DISTANCE)
     turn = rotation(seed)
     upright = furnished()
-    s = upright.surfaces
-    turned = Scene(
-        type(s)(s.vertices @ turn.T, s.triangles, s.reflectance, s.solid, s.object_starts),
-        type(upright.patches)(upright.patches.corners @ turn.T, upright.patches.patch, upright.patches.ids),
-        upright.patch_reflectance,
-        upright.area,
+    turned = replace(
+        upright,
+        surfaces=replace(upright.surfaces, vertices=upright.surfaces.vertices @ turn.T),
+        patches=replace(upright.patches, corners=upright.patches.corners @ turn.T),
     )
     a, b = bakes(upright, settings), bakes(turned, settings)
     difference = a.mean(0) - b.mean(0)

@@ -15,7 +15,7 @@ from obscurance_addon.blender.bake_job import BakeJob
 from obscurance_addon.blender.output_settings import OutputSettings
 from obscurance_addon.blender.render_visibility import rendered_meshes
 from obscurance_addon.core.error_metrics import energy_ratio, relative_rmse, shape_error
-from obscurance_addon.core.light_bake import BakedLight
+from obscurance_addon.core.light_records import BakedLight
 from obscurance_addon.core.light_settings import LightSettings
 from obscurance_addon.core.settings import BakeSettings
 

@@ -9,12 +9,13 @@ from obscurance_addon.blender.bake_arrays import BakeArrays, prepare_arrays
 from obscurance_addon.blender.output_settings import Target
 from obscurance_addon.blender.render_visibility import rendered_meshes
 from obscurance_addon.blender.scene_geometry import SceneSnapshot, snapshot_scene
-from obscurance_addon.core.bake import build_scene
 from obscurance_addon.core.direct_light import LitScene
-from obscurance_addon.core.light_bake import BakedLight, bake_light
+from obscurance_addon.core.light_bake import bake_light
+from obscurance_addon.core.light_records import BakedLight
 from obscurance_addon.core.light_settings import LightSettings
 from obscurance_addon.core.patches import triangle_areas
 from obscurance_addon.core.radiosity import shoot_random_walks
+from obscurance_addon.core.scene_building import build_scene
 from obscurance_addon.core.settings import BakeSettings
 
 RAYS = 64

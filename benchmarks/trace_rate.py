@@ -13,10 +13,10 @@ from scenes import empty_scene, suzanne_over_plane
 from obscurance_addon.blender.bake_arrays import prepare_arrays
 from obscurance_addon.blender.output_settings import Target
 from obscurance_addon.blender.scene_geometry import snapshot_scene
-from obscurance_addon.core.bake import build_scene
 from obscurance_addon.core.embree import EmbreeIntersector
 from obscurance_addon.core.obscurance import gather_obscurances
 from obscurance_addon.core.ray_casting import Hits
+from obscurance_addon.core.scene_building import build_scene
 from obscurance_addon.core.settings import BakeSettings
 
 

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.corner_cells import corner_cells, face_of_corner, smooth_fans
 from ..core.errors import GeometryError
-from ..core.light_bake import PatchMaterials
-from ..core.patches import Patches, Surfaces, triangle_areas
-from ..core.sobol import hash32
+from ..core.light_records import PatchMaterials
+from ..core.patches import Patches, Surfaces
 from ..core.solids import solid_triangles
 from .materials import shade_faces
-from .mesh_arrays import MeshArrays
 from .output_settings import Target
-from .scene_geometry import BakedObject, ObjectSnapshot, SceneSnapshot
+from .patch_parts import PatchPart, WorldObject, baked_part, other_part
+from .scene_geometry import ObjectSnapshot, SceneSnapshot
 
 MAX_TRIANGLES = 60_000_000  # about 12 GiB in the ray tracer; instances count each time
 
@@ -84,8 +81,8 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
         key = (id(ob.mesh), id(ob.surface), *map(id, ob.shadings))
         if key not in shaded:
             shaded[key] = _shade(ob)
-        worlds.append(_World.of(ob, shaded[key]))
-    parts = [_patch_part(baked, world, target) for baked, world in zip(snapshot.baked, worlds, strict=False)]
+        worlds.append(WorldObject.of(ob, shaded[key]))
+    parts = [baked_part(baked, world, target) for baked, world in zip(snapshot.baked, worlds, strict=False)]
     for ob, world in zip(objects, worlds, strict=True):
         broken = np.count_nonzero(~np.isfinite(world.vertices).all(1))
         if broken:
@@ -95,7 +92,7 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
             )
     own = len(parts)
     others = [
-        _other_patches(ob, world, number)
+        other_part(ob, world, number)
         for number, (ob, world) in enumerate(zip(objects[own:], worlds[own:], strict=True))
         if needs_light
     ]
@@ -123,27 +120,6 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
     )
 
 
-@dataclass(frozen=True)
-class _World:
-    """One object in world space."""
-
-    vertices: np.ndarray  # (v, 3) float64
-    triangle_corners: np.ndarray  # (t, 3), turned so that normals point outwards under mirroring transforms too
-    triangles: np.ndarray  # (t, 3) vertex indices
-    reflectance: np.ndarray  # (f, 3) float32
-    emission: np.ndarray  # (f, 3) float32
-
-    @classmethod
-    def of(cls, ob: ObjectSnapshot, shading: tuple[np.ndarray, np.ndarray]) -> _World:
-        mesh = ob.mesh
-        with np.errstate(invalid="ignore", over="ignore"):
-            vertices = mesh.positions @ ob.matrix[:3, :3].T + ob.matrix[:3, 3]
-        corners = mesh.triangle_corners
-        if np.linalg.det(ob.matrix[:3, :3]) < 0.0:
-            corners = corners[:, ::-1]
-        return cls(vertices, corners, mesh.corner_vertex[corners], *shading)
-
-
 def _shade(ob: ObjectSnapshot) -> tuple[np.ndarray, np.ndarray]:
     """Reflectance and emission (f, 3) of the faces; the last shading stands for faces of objects without slots."""
     slots = len(ob.shadings) - 1
@@ -151,7 +127,7 @@ def _shade(ob: ObjectSnapshot) -> tuple[np.ndarray, np.ndarray]:
     return shade_faces(ob.shadings, slot, ob.surface)
 
 
-def _join_patches(parts: list[_PatchPart]) -> Patches:
+def _join_patches(parts: list[PatchPart]) -> Patches:
     if not parts:
         return Patches.none()
     starts = np.cumsum([0] + [len(part.ids) for part in parts])
@@ -163,7 +139,7 @@ def _join_patches(parts: list[_PatchPart]) -> Patches:
 
 
 def _join_surfaces(
-    objects: list[ObjectSnapshot], worlds: list[_World], face_patches: list[np.ndarray], first_patch: np.ndarray
+    objects: list[ObjectSnapshot], worlds: list[WorldObject], face_patches: list[np.ndarray], first_patch: np.ndarray
 ) -> Surfaces:
     """All triangles; `face_patches` tell the patch of each face, of as many objects as have patches."""
     solids: dict[int, np.ndarray] = {}
@@ -191,160 +167,4 @@ def _join_surfaces(
             [world.emission[ob.mesh.triangle_face] for ob, world in zip(objects, worlds, strict=True)]
         ),
         patch=patch,
-    )
-
-
-@dataclass(frozen=True)
-class _PatchPart:
-    """The patches of one object; indices count from its own first patch."""
-
-    cells: np.ndarray
-    patch: np.ndarray
-    ids: np.ndarray
-    reflectance: np.ndarray
-    emission: np.ndarray
-    face_patch: np.ndarray  # of each evaluated face; -1 where it is not one patch
-    element_patch: np.ndarray
-    element_patch_of_node: np.ndarray
-    node: np.ndarray
-    n_nodes: int
-
-
-def _patch_part(baked: BakedObject, world: _World, target: Target) -> _PatchPart:
-    """Cut an object into patches and tie them to the elements of its unmodified mesh."""
-    base = baked.base
-    face = face_of_corner(base.face_start)
-    if target is Target.FACE:
-        element_patch = np.arange(len(base.face_start) - 1)
-        cells, element, source_face = _face_cells(baked, world)
-        linked, node, n_nodes = face, base.corner_vertex, len(base.positions)
-    else:
-        cells, corner, source_face = _corner_cells(baked, world)
-        if target is Target.POINT:
-            corner_patch = base.corner_vertex
-            element_patch = np.arange(len(base.positions))
-        else:
-            corner_patch = element_patch = np.unique(_fans(base), return_inverse=True)[1]
-        element = corner_patch[corner]
-        linked, node, n_nodes = corner_patch, face, len(base.face_start) - 1
-    n_patches = int(element_patch.max()) + 1
-    face_patch = _face_patches(baked.snapshot.mesh, target)
-    if (np.diff(element) < 0).any():
-        order = np.argsort(element, kind="stable")
-        cells, element, source_face = cells[order], element[order], source_face[order]
-    reflectance, emission = _patch_means(cells, element, source_face, n_patches, world)
-    name = np.uint32(zlib.crc32(baked.snapshot.name.encode()))
-    return _PatchPart(
-        cells=cells,
-        patch=element,
-        ids=hash32(np.arange(n_patches, dtype=np.uint32) ^ hash32(name)),
-        reflectance=reflectance,
-        emission=emission,
-        face_patch=face_patch,
-        element_patch=element_patch,
-        element_patch_of_node=linked,
-        node=node,
-        n_nodes=n_nodes,
-    )
-
-
-def _other_patches(ob: ObjectSnapshot, world: _World, number: int) -> _PatchPart:
-    """The faces of an object that only stands around; `number` tells instances of one object apart."""
-    face = ob.mesh.triangle_face.astype(np.int64)
-    n_faces = len(ob.mesh.face_start) - 1
-    cells = world.vertices[world.triangles]
-    if (np.diff(face) < 0).any():
-        order = np.argsort(face, kind="stable")
-        cells, face = cells[order], face[order]
-    reflectance, emission = _patch_means(cells, face, face, n_faces, world)
-    name = hash32(np.uint32(zlib.crc32(ob.name.encode()))) ^ np.uint32(number)
-    nothing = np.zeros(0, np.int64)
-    return _PatchPart(
-        cells=cells,
-        patch=face,
-        ids=hash32(np.arange(n_faces, dtype=np.uint32) ^ hash32(name)),
-        reflectance=reflectance,
-        emission=emission,
-        face_patch=np.arange(n_faces),
-        element_patch=nothing,
-        element_patch_of_node=nothing,
-        node=nothing,
-        n_nodes=0,
-    )
-
-
-def _patch_means(
-    cells: np.ndarray, patch: np.ndarray, face: np.ndarray, n_patches: int, world: _World
-) -> tuple[np.ndarray, np.ndarray]:
-    """Area means (p, 3) of reflectance and emission over patches whose cells lie on the evaluated faces `face`."""
-    area = triangle_areas(cells)
-    area[~np.isfinite(area)] = 0.0
-    total = np.maximum(np.bincount(patch, area, n_patches), np.finfo(float).tiny)[:, None]
-    reflectance, emission = (
-        np.stack([np.bincount(patch, area * column, n_patches) for column in per_face[face].T], -1) / total
-        for per_face in (world.reflectance, world.emission)
-    )
-    return reflectance, emission
-
-
-def _face_patches(mesh: MeshArrays, target: Target) -> np.ndarray:
-    """The patch of each evaluated face, -1 where its patches are smaller than a face or it has no origin."""
-    n_faces = len(mesh.face_start) - 1
-    if target is not Target.FACE:
-        return np.full(n_faces, -1)
-    return np.arange(n_faces) if mesh.face_origin is None else mesh.face_origin.astype(np.int64) - 1
-
-
-def _face_cells(baked: BakedObject, world: _World) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles (m, 3, 3), the unmodified face of each, and the evaluated face of each."""
-    mesh = baked.snapshot.mesh
-    cells, face = world.vertices[world.triangles], mesh.triangle_face.astype(np.int64)
-    if mesh.face_origin is None:
-        return cells, face, face
-    origin = mesh.face_origin[face] - 1
-    known = origin >= 0
-    return cells[known], origin[known], face[known]
-
-
-def _corner_cells(baked: BakedObject, world: _World) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles (m, 3, 3) around corners, the unmodified corner of each, and the evaluated face of each."""
-    mesh, base = baked.snapshot.mesh, baked.base
-    points = world.vertices[mesh.corner_vertex]
-    if mesh.rest is not None:
-        points = np.hstack([points, mesh.rest[mesh.corner_vertex]])
-    cells, corner = corner_cells(points, mesh.face_start, mesh.triangle_corners, mesh.triangle_face)
-    if world.triangle_corners is not mesh.triangle_corners:  # mirrored
-        cells = cells[:, ::-1]
-    face = face_of_corner(mesh.face_start)[corner]
-    if mesh.face_origin is None:
-        return cells[..., :3], corner, face
-    origin = mesh.face_origin[face] - 1
-    known = origin >= 0
-    cells, origin, face = cells[known], origin[known], face[known]
-    return cells[..., :3], _nearest_corner(base, origin, cells[..., 3:].mean(1)), face
-
-
-def _nearest_corner(base: MeshArrays, face: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """For points (m, 3) on faces (m,) of a mesh, the corner of that face that is nearest."""
-    size = np.diff(base.face_start)[face]
-    first = np.cumsum(size) - size
-    owner = np.repeat(np.arange(len(face)), size)
-    corner = base.face_start[face[owner]] + np.arange(len(owner)) - first[owner]
-    offset = base.positions[base.corner_vertex[corner]] - points[owner]
-    distance = np.einsum("ij,ij->i", offset, offset)
-    order = np.lexsort((distance, owner))
-    return corner[order[first]].astype(np.int64)
-
-
-def _fans(base: MeshArrays) -> np.ndarray:
-    points = base.positions[base.corner_vertex].astype(np.float64)
-    return smooth_fans(
-        points,
-        base.face_start,
-        base.triangle_corners,
-        base.triangle_face,
-        base.corner_vertex,
-        base.corner_edge,
-        base.sharp_edge,
-        base.sharp_face,
     )

@@ -21,7 +21,8 @@ import numpy as np
 from ..core.bake import Obscurances, bake_obscurances
 from ..core.errors import GeometryError, ObscuranceError, SettingsError
 from ..core.intersector_cache import IntersectorCache
-from ..core.light_bake import BakedLight, bake_light
+from ..core.light_bake import bake_light
+from ..core.light_records import BakedLight
 from ..core.light_settings import LightSettings, Quantity
 from ..core.settings import BakeSettings
 from . import color_attribute

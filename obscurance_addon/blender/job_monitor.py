@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..core.bake import Monitor
 from ..core.errors import BakeCancelledError
 from ..core.light_settings import Quantity
+from ..core.monitor import Monitor
 
 # What the core does for each quantity, in order.
 _PHASES = {

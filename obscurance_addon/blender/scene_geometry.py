@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import GeometryError
-from ..core.light_bake import LightSources
+from ..core.light_records import LightSources
 from .carried_indices import carried_indices, with_own_origins
 from .lights import LightReader, read_world
 from .materials import ImageCache, Shading, SurfaceArrays, node_tree_of, read_surface, snapshot_material

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,29 +14,21 @@ from .ambient import mean_reflectance
 from .embree import EmbreeIntersector
 from .errors import GeometryError
 from .filling import fill_invalid
+from .monitor import Monitor
 from .obscurance import ObscuranceSums, gather_obscurances
 from .patch_samples import BLOCK_RAYS
-from .patches import Normalisation, Patches, Surfaces, bounding_box, usable_triangles
+from .patches import Normalisation, Patches, Surfaces
 from .ray_allocation import allocate_rays
 from .ray_casting import Intersector
+from .scene_building import build_scene
 from .settings import BakeSettings
 from .sobol import hash32
-from .traced_scene import TracedScene, prepare_scene
+from .traced_scene import TracedScene
 
 # The error is measured on a sample of the patches, baked once more with independent points: all of a small scene,
 # one in 32 of a large one, where 1,000 pairs already fix the RMSE to a few percent.
 ERROR_SAMPLE_MIN, ERROR_SAMPLE_FRACTION = 1024, 32
 MIN_OFFSETS_PER_DISTANCE = 1e3  # d_max below this many ray offsets is lost in their rounding
-
-
-class Monitor:
-    """Hears how far a bake is (the base class does not care); may raise `BakeCancelledError` to stop it."""
-
-    def phase(self, name: str, total: int) -> None:
-        """A new phase ("build" or "trace") begins with `total` units of work (triangles or rays)."""
-
-    def advance(self, amount: int) -> None:
-        """That much more is done; called from any thread."""
 
 
 @dataclass(frozen=True)
@@ -219,69 +210,6 @@ def half_difference(values: np.ndarray, again: np.ndarray) -> np.ndarray:
     """Root mean square error (k,) of values (p, k), from independent estimates of some; NaN rows of `again` are out."""
     difference = (values - again)[~np.isnan(again).any(1)]
     return np.sqrt((difference**2).sum(0) / (2.0 * max(len(difference), 1)))
-
-
-def scene_diagonal(surfaces: Surfaces) -> float:
-    """Diagonal of the bounding box of all finite vertices, metres."""
-    low, high = bounding_box(surfaces.vertices)
-    return float(np.linalg.norm(high - low))
-
-
-def build_scene(
-    surfaces: Surfaces,
-    patches: Patches,
-    settings: BakeSettings,
-    monitor: Monitor | None = None,
-    intersector: Callable[..., Intersector] = EmbreeIntersector,
-    whole: bool = False,
-) -> tuple[TracedScene, Normalisation, float]:
-    """Keep what rays can reach and float32 can trace, and build the ray tracer over it.
-
-    Parameters as for `bake_obscurances`; `whole` keeps what is farther than d_max too.
-
-    Returns
-    -------
-    scene : TracedScene
-    normalisation : Normalisation
-    d_max : float
-        Metres.
-    """
-    monitor = monitor or Monitor()
-    normalisation = Normalisation.of(patches.corners)
-    d_max = settings.max_distance(scene_diagonal(surfaces))
-    kept = np.arange(len(surfaces.triangles)) if whole else _triangles_in_reach(surfaces, patches, d_max)
-    vertices = normalisation.apply(surfaces.vertices)
-    kept = kept[usable_triangles(vertices, surfaces.triangles[kept])]
-    reached = surfaces.only(kept, vertices)
-    monitor.phase("build", len(kept))
-    done = 0
-
-    def progress(count: int) -> None:
-        nonlocal done
-        monitor.advance(count - done)
-        done = count
-
-    finite = np.nan_to_num(vertices, nan=0.0, posinf=0.0, neginf=0.0)  # no triangle that is kept has the others
-    tracer = intersector(finite, reached.triangles, progress)
-    return prepare_scene(reached, patches, normalisation, tracer, settings, d_max), normalisation, d_max
-
-
-def _triangles_in_reach(surfaces: Surfaces, patches: Patches, d_max: float) -> np.ndarray:
-    """Indices of the triangles of objects whose bounding box comes within d_max of the patches.
-
-    Whole objects stay, so that the inside of a solid that is larger than d_max can still be told. Vertices of an object
-    stand together, so the range of their indices is enough to find its box.
-    """
-    low, high = bounding_box(patches.corners)
-    starts = np.r_[surfaces.object_starts, len(surfaces.triangles)]
-    in_reach = np.zeros(len(surfaces.triangles), bool)
-    for first, end in itertools.pairwise(starts):
-        used = surfaces.triangles[first:end]
-        if not len(used):
-            continue
-        object_low, object_high = bounding_box(surfaces.vertices[used.min() : used.max() + 1])
-        in_reach[first:end] = (object_low <= high + d_max).all() and (object_high >= low - d_max).all()
-    return np.flatnonzero(in_reach)
 
 
 def error_sample(ids: np.ndarray) -> np.ndarray:

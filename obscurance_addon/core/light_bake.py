@@ -7,104 +7,31 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from .ambient import AmbientLight, ambient_from_emission, ambient_from_received, mean_reflectance
-from .bake import Monitor, Obscurances, build_scene, error_sample, half_difference, obscurances_in
+from .bake import Obscurances, error_sample, half_difference, obscurances_in
 from .direct_light import SPARSE_RAYS, DirectLight, LitScene, gather_direct_light
 from .embree import EmbreeIntersector
-from .emissive_triangles import LUMINANCE, EmissiveTriangles
+from .emissive_triangles import EmissiveTriangles
 from .errors import GeometryError
 from .filling import fill_invalid
-from .lamps import Lamp
+from .light_records import BakedLight, LightSources, PatchMaterials
 from .light_settings import Ambient, LightSettings, Quantity
+from .monitor import Monitor
 from .patch_samples import BLOCK_RAYS
 from .patches import Patches, Surfaces, prepare_cells
 from .radiosity import check_size, gather_form_factors, solve_radiosity
 from .ray_allocation import allocate_rays
 from .ray_casting import Intersector
-from .secondary_reflectors import MAX_OTHER_RECEIVERS, Reflectors, choose_reflectors, redistribute
+from .reflector_choice import Reflectors, choose_reflectors
+from .scene_building import build_scene
+from .secondary_reflectors import redistribute, sample_receivers
 from .settings import BakeSettings
 
 ERROR_RECEIVERS = 256  # patches that receive redistributed light twice, which fixes the error to 6 %
-
-
-@dataclass(frozen=True)
-class LightSources:
-    """The light of a scene, but for its emissive faces.
-
-    Attributes
-    ----------
-    lamps : tuple of Lamp
-        In the world's metres.
-    world : ndarray, (3,) float64
-        Constant radiance of the world, W/(m^2 sr).
-    """
-
-    lamps: tuple[Lamp, ...] = ()
-    world: np.ndarray = field(default_factory=lambda: np.zeros(3))
-
-
-@dataclass(frozen=True)
-class PatchMaterials:
-    """What all patches of a scene scatter and emit: first those to bake, then those around them.
-
-    Attributes
-    ----------
-    reflectance : ndarray, (p, 3) float64
-    emission : ndarray, (p, 3) float64
-        Radiant exitance, W/m^2.
-    """
-
-    reflectance: np.ndarray
-    emission: np.ndarray
-
-
-@dataclass(frozen=True)
-class BakedLight:
-    """What a bake of light computed.
-
-    Attributes
-    ----------
-    radiance : ndarray, (p, 3) float64
-        Of the quantity asked for, W/(m^2 sr), as it leaves each patch.
-    rmse : ndarray, (3,) float64
-        Estimated root mean square error of `radiance` over patches.
-    exposed : ndarray, (p,) float64
-        Share of each patch outside of solids. Where it is 0, values come from neighbours as in `Obscurances`.
-    r_ave : ndarray, (3,) float64
-    d_max : float
-        Metres; 0 where no obscurances were needed.
-    rays, error_rays : int
-    ambient : AmbientLight or None
-    reflectors : int
-        Secondary reflectors that redistributed light.
-    reflected_share : float
-        Share of the scattered direct light that they held.
-    seconds : dict of str to float
-        Per phase: build, trace, light.
-    warnings : list of str
-    """
-
-    radiance: np.ndarray
-    rmse: np.ndarray
-    exposed: np.ndarray
-    r_ave: np.ndarray
-    d_max: float
-    rays: int
-    error_rays: int
-    ambient: AmbientLight | None
-    reflectors: int
-    reflected_share: float
-    seconds: dict[str, float]
-    warnings: list[str]
-
-    @property
-    def valid(self) -> np.ndarray:
-        """(p,) bool: patches with a value of their own."""
-        return self.exposed > 0.0
 
 
 def bake_light(
@@ -305,7 +232,7 @@ class _LightBake:
         )
         if self.reflectors is None:
             return nothing, nothing.copy(), flux
-        receivers, weight = self._receivers()
+        receivers, weight = sample_receivers(self.n, self.area, reflectance, self.settings.seed)
         sampled = np.flatnonzero(self.sample)[:ERROR_RECEIVERS]
         self.monitor.phase("redistribute", len(receivers) + len(sampled))
 
@@ -330,22 +257,6 @@ class _LightBake:
         again[sampled], rays = pass_on(sampled, 1)
         self.error_rays += rays
         return scattered[: self.n], again, np.maximum(flux, 0.0)
-
-    def _receivers(self) -> tuple[np.ndarray, np.ndarray]:
-        """All patches to bake, and of the others as many as a sum needs; each with the number that it stands for."""
-        own, others = np.arange(self.n), np.arange(self.n, self.n + len(self.others))
-        if len(others) <= MAX_OTHER_RECEIVERS:
-            return np.concatenate([own, others]), np.ones(self.n + len(others))
-        importance = self.area[self.n :] * (self.materials.reflectance[self.n :] @ LUMINANCE)
-        if not importance.sum() > 0.0:
-            return own, np.ones(self.n)
-        share = importance / importance.sum()
-        random = np.random.Generator(np.random.Philox(key=[self.settings.seed, 0xD15C]))
-        strata = (np.arange(MAX_OTHER_RECEIVERS) + random.random(MAX_OTHER_RECEIVERS)) / MAX_OTHER_RECEIVERS
-        picked = np.minimum(np.searchsorted(np.cumsum(share), strata), len(others) - 1)
-        picked, times = np.unique(picked[share[picked] > 0.0], return_counts=True)
-        stands_for = times / (MAX_OTHER_RECEIVERS * share[picked])
-        return np.concatenate([own, others[picked]]), np.concatenate([np.ones(self.n), stands_for])
 
     def _ambient(self, r_ave: np.ndarray, left: np.ndarray) -> AmbientLight:
         """The ambient light once `left` (3,) W of the scattered direct light is unshot."""

@@ -4,8 +4,7 @@ The bookkeeping is that of progressive radiosity (Cohen et al. 1988), stopped af
 reflectors: what they scatter, U_j = R_j H_j, leaves the unshot light and arrives at the patches that see them, where it
 is unshot again. The ambient light is computed from what is unshot at the end, so that nothing counts twice.
 
-A reflector is a patch, or several small ones side by side, so that the choice does not depend on how fine the meshes
-are. Form factors are means over points spread over the receiver and the reflector: near by, of the exact form factor
+Form factors are means over points spread over the receiver and the reflector: near by, of the exact form factor
 from the point to a whole triangle, times the visibility of a point on it, which has no spikes; farther away, of the
 kernel cos cos / (pi r^2) between two points that see each other.
 """
@@ -23,15 +22,11 @@ from .emissive_triangles import LUMINANCE
 from .form_factors import triangle_form_factors
 from .lamps import TINY
 from .patch_samples import scramble_of
-from .patches import Cells
+from .reflector_choice import MAX_AUTOMATIC, Reflectors
 from .sampling import sample_triangle, unit_points
 from .settings import BakeSettings
 from .sobol import hash32
 
-MAX_AUTOMATIC = 64  # reflectors
-ENOUGH_LIGHT = 0.8  # share of the scattered direct light after which more reflectors gain little
-TOO_LITTLE_LIGHT = 0.4  # when the most that may be taken hold less than this, light is spread out and ambient serves it
-REFLECTOR_SIZE = 1.0 / 32.0  # of the diagonal of what is baked: patches within a cube of that size go together
 MAX_OTHER_RECEIVERS = 4096  # patches that are not baked count only in a sum, for which a sample is enough
 
 # Samples of a pair by how much of the receiver's hemisphere the reflector covers at most.
@@ -41,36 +36,6 @@ _NEAR = 0.02  # cover from which exact form factors replace the kernel that they
 _POINT_SETS = 64  # independent ones; neighbours rarely share one
 _TABLE_REFLECTORS = 512  # sequences of places repeat after that many reflectors
 _BLOCK_PAIRS = 1 << 16
-
-
-@dataclass(frozen=True)
-class Reflectors:
-    """The chosen reflectors, as lists of cells.
-
-    Attributes
-    ----------
-    start : ndarray, (k + 1,) int64
-        Range of each reflector in `cell`.
-    cell : ndarray, (m,) int64
-    end_share : ndarray, (m,) float64
-        Share of its reflector's light from a cell and those before it, plus the reflector's index: ascending.
-    share : ndarray, (m,) float64
-        Of the cell itself.
-    is_chosen : ndarray, (p,) bool
-        Patches of the reflectors.
-    light_share : float
-        Share 0 .. 1 of the direct light scattered in the scene that they hold, by luminance.
-    """
-
-    start: np.ndarray
-    cell: np.ndarray
-    end_share: np.ndarray
-    share: np.ndarray
-    is_chosen: np.ndarray
-    light_share: float
-
-    def __len__(self) -> int:
-        return len(self.start) - 1
 
 
 @dataclass(frozen=True)
@@ -86,74 +51,6 @@ class Redistribution:
 
     irradiance: np.ndarray
     rays: int
-
-
-def choose_reflectors(
-    cells: Cells, exitance: np.ndarray, area: np.ndarray, reflectance: np.ndarray, number: int | None
-) -> Reflectors | None:
-    """The reflectors that scatter most direct light.
-
-    Parameters
-    ----------
-    cells : Cells
-        Of all patches.
-    exitance : ndarray, (p, 3) float64
-        U = R H of each patch, W/m^2.
-    area : ndarray, (p,) float64
-        Outside of solids, any unit.
-    reflectance : ndarray, (p, 3) float64
-    number : int or None
-        How many to take; None takes as many as hold 80 % of the light but at most 64, and none where these hold less
-        than 40 %.
-
-    Returns
-    -------
-    Reflectors or None
-        None when there is nothing to gain, or no light.
-    """
-    light = area * (exitance @ LUMINANCE)
-    total = light.sum()
-    if not total > 0.0 or number == 0:
-        return None
-    group = _neighbourhoods(cells, reflectance)
-    group_light = np.bincount(group, light)
-    order = np.argsort(-group_light, kind="stable")
-    held = np.cumsum(group_light[order]) / total
-    if number is None:
-        number = min(int(np.searchsorted(held, ENOUGH_LIGHT)) + 1, MAX_AUTOMATIC, len(order))
-        if held[number - 1] < TOO_LITTLE_LIGHT:
-            return None
-    number = min(number, int(np.count_nonzero(group_light)))
-    rank = np.full(len(order), -1)
-    rank[order[:number]] = np.arange(number)
-    cell_light = cells.weight * light[cells.patch]
-    of_cell = np.where(cell_light > 0.0, rank[group[cells.patch]], -1)
-    cell = np.flatnonzero(of_cell >= 0)
-    cell = cell[np.argsort(of_cell[cell], kind="stable")]
-    start = np.searchsorted(of_cell[cell], np.arange(number + 1))
-    share = cell_light[cell] / np.add.reduceat(cell_light[cell], start[:-1])[of_cell[cell]]
-    running = np.cumsum(share)
-    before = np.concatenate([[0.0], running])[start[:-1]]
-    end_share = np.clip(running - before[of_cell[cell]], 0.0, 1.0) + of_cell[cell]
-    end_share[start[1:] - 1] = np.arange(1, number + 1)
-    is_chosen = np.zeros(len(light), bool)
-    is_chosen[cells.patch[cell]] = True
-    return Reflectors(start, cell, end_share, share, is_chosen, float(held[number - 1]))
-
-
-def _neighbourhoods(cells: Cells, reflectance: np.ndarray) -> np.ndarray:
-    """Group (p,) int of each patch: those with the like normal and reflectance whose centres share a small cube."""
-    corner, normal = cells.frames[:, 2, :3], cells.frames[:, 2, 3:]
-    centre = corner + (cells.frames[:, 0, :3] + cells.frames[:, 1, :3]) / 3.0
-    n_patches = len(cells.area)
-    size = 2.0 * REFLECTOR_SIZE  # the half diagonal is 1
-    traits = np.concatenate([centre / size, 2.0 * normal + 0.5], 1)
-    traits = np.stack([np.bincount(cells.patch, cells.weight * column, n_patches) for column in traits.T], 1)
-    traits = np.concatenate([traits, 16.0 * reflectance], 1)
-    key = np.zeros(n_patches, np.uint32)
-    for column in np.floor(traits).T:
-        key = hash32(key ^ hash32(np.clip(column, -(2.0**30), 2.0**30).astype(np.int64).astype(np.uint32)))
-    return np.unique(key, return_inverse=True)[1]
 
 
 def redistribute(
@@ -198,6 +95,41 @@ def redistribute(
     exposed = valid[receivers]
     irradiance /= np.where(exposed > 0.0, exposed, 1.0)[:, None]
     return Redistribution(irradiance, rays)
+
+
+def sample_receivers(
+    n_baked: int, area: np.ndarray, reflectance: np.ndarray, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """All patches to bake, and of the others as many as a sum over the scene needs.
+
+    Parameters
+    ----------
+    n_baked : int
+        The first patches are those to bake.
+    area : ndarray, (p,) float64
+        Outside of solids.
+    reflectance : ndarray, (p, 3) float64
+    seed : int
+
+    Returns
+    -------
+    receivers : ndarray, (r,) int64
+    stands_for : ndarray, (r,) float64
+        Number of patches that each stands for in the sum.
+    """
+    own, n_others = np.arange(n_baked), len(area) - n_baked
+    if n_others <= MAX_OTHER_RECEIVERS:
+        return np.arange(len(area)), np.ones(len(area))
+    importance = area[n_baked:] * (reflectance[n_baked:] @ LUMINANCE)
+    if not importance.sum() > 0.0:
+        return own, np.ones(n_baked)
+    share = importance / importance.sum()
+    random = np.random.Generator(np.random.Philox(key=[seed, 0xD15C]))
+    strata = (np.arange(MAX_OTHER_RECEIVERS) + random.random(MAX_OTHER_RECEIVERS)) / MAX_OTHER_RECEIVERS
+    picked = np.minimum(np.searchsorted(np.cumsum(share), strata), n_others - 1)
+    picked, times = np.unique(picked[share[picked] > 0.0], return_counts=True)
+    stands_for = times / (MAX_OTHER_RECEIVERS * share[picked])
+    return np.concatenate([own, n_baked + picked]), np.concatenate([np.ones(n_baked), stands_for])
 
 
 class _Pairs:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from obscurance_addon.core.bake import Obscurances, bake_obscurances
-from obscurance_addon.core.light_bake import BakedLight, LightSources, PatchMaterials, bake_light
+from obscurance_addon.core.light_bake import bake_light
+from obscurance_addon.core.light_records import BakedLight, LightSources, PatchMaterials
 from obscurance_addon.core.light_settings import LightSettings
 from obscurance_addon.core.patches import Patches, Surfaces
 from obscurance_addon.core.ray_casting import BruteForceIntersector

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from obscurance_addon.core.bake import build_scene
 from obscurance_addon.core.direct_light import LitScene
 from obscurance_addon.core.error_metrics import relative_rmse
 from obscurance_addon.core.errors import GeometryError, SettingsError
@@ -16,7 +15,9 @@ from obscurance_addon.core.radiosity import (
     shoot_random_walks,
     solve_radiosity,
 )
-from obscurance_addon.core.secondary_reflectors import REFLECTOR_SIZE, choose_reflectors, redistribute
+from obscurance_addon.core.reflector_choice import REFLECTOR_SIZE, choose_reflectors
+from obscurance_addon.core.scene_building import build_scene
+from obscurance_addon.core.secondary_reflectors import redistribute
 from obscurance_addon.core.settings import BakeSettings
 
 from .scenes import box, floor, grid, room, scene

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from obscurance_addon.core.bake import mean_reflectance
+from obscurance_addon.core.ambient import mean_reflectance
 from obscurance_addon.core.falloff import Falloff
 from obscurance_addon.core.settings import BakeSettings
 

@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
-from obscurance_addon.core.bake import Monitor
 from obscurance_addon.core.errors import BakeCancelledError
+from obscurance_addon.core.monitor import Monitor
 from obscurance_addon.core.settings import BakeSettings
 
 from .scenes import box, floor, grid, scene

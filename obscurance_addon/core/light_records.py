@@ -1,0 +1,86 @@
+"""What a bake of light takes beside geometry, and what it gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .ambient import AmbientLight
+from .lamps import Lamp
+
+
+@dataclass(frozen=True)
+class LightSources:
+    """The light of a scene, but for its emissive faces.
+
+    Attributes
+    ----------
+    lamps : tuple of Lamp
+        In the world's metres.
+    world : ndarray, (3,) float64
+        Constant radiance of the world, W/(m^2 sr).
+    """
+
+    lamps: tuple[Lamp, ...] = ()
+    world: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True)
+class PatchMaterials:
+    """What all patches of a scene scatter and emit: first those to bake, then those around them.
+
+    Attributes
+    ----------
+    reflectance : ndarray, (p, 3) float64
+    emission : ndarray, (p, 3) float64
+        Radiant exitance, W/m^2.
+    """
+
+    reflectance: np.ndarray
+    emission: np.ndarray
+
+
+@dataclass(frozen=True)
+class BakedLight:
+    """What a bake of light computed.
+
+    Attributes
+    ----------
+    radiance : ndarray, (p, 3) float64
+        Of the quantity asked for, W/(m^2 sr), as it leaves each patch.
+    rmse : ndarray, (3,) float64
+        Estimated root mean square error of `radiance` over patches.
+    exposed : ndarray, (p,) float64
+        Share of each patch outside of solids. Where it is 0, values come from neighbours as in `Obscurances`.
+    r_ave : ndarray, (3,) float64
+    d_max : float
+        Metres; 0 where no obscurances were needed.
+    rays, error_rays : int
+    ambient : AmbientLight or None
+    reflectors : int
+        Secondary reflectors that redistributed light.
+    reflected_share : float
+        Share of the scattered direct light that they held.
+    seconds : dict of str to float
+        Per phase: build, trace, light.
+    warnings : list of str
+    """
+
+    radiance: np.ndarray
+    rmse: np.ndarray
+    exposed: np.ndarray
+    r_ave: np.ndarray
+    d_max: float
+    rays: int
+    error_rays: int
+    ambient: AmbientLight | None
+    reflectors: int
+    reflected_share: float
+    seconds: dict[str, float]
+    warnings: list[str]
+
+    @property
+    def valid(self) -> np.ndarray:
+        """(p,) bool: patches with a value of their own."""
+        return self.exposed > 0.0

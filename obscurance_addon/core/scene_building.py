@@ -1,0 +1,78 @@
+"""From surfaces and patches to a scene that rays can be cast in: what float32 can trace, and the ray tracer over it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+
+from .embree import EmbreeIntersector
+from .monitor import Monitor
+from .patches import Normalisation, Patches, Surfaces, bounding_box, usable_triangles
+from .ray_casting import Intersector
+from .settings import BakeSettings
+from .traced_scene import TracedScene, prepare_scene
+
+
+def scene_diagonal(surfaces: Surfaces) -> float:
+    """Diagonal of the bounding box of all finite vertices, metres."""
+    low, high = bounding_box(surfaces.vertices)
+    return float(np.linalg.norm(high - low))
+
+
+def build_scene(
+    surfaces: Surfaces,
+    patches: Patches,
+    settings: BakeSettings,
+    monitor: Monitor | None = None,
+    intersector: Callable[..., Intersector] = EmbreeIntersector,
+    whole: bool = False,
+) -> tuple[TracedScene, Normalisation, float]:
+    """Keep what rays can reach and float32 can trace, and build the ray tracer over it.
+
+    Parameters as for `bake_obscurances`; `whole` keeps what is farther than d_max too.
+
+    Returns
+    -------
+    scene : TracedScene
+    normalisation : Normalisation
+    d_max : float
+        Metres.
+    """
+    monitor = monitor or Monitor()
+    normalisation = Normalisation.of(patches.corners)
+    d_max = settings.max_distance(scene_diagonal(surfaces))
+    kept = np.arange(len(surfaces.triangles)) if whole else _triangles_in_reach(surfaces, patches, d_max)
+    vertices = normalisation.apply(surfaces.vertices)
+    kept = kept[usable_triangles(vertices, surfaces.triangles[kept])]
+    reached = surfaces.only(kept, vertices)
+    monitor.phase("build", len(kept))
+    done = 0
+
+    def progress(count: int) -> None:
+        nonlocal done
+        monitor.advance(count - done)
+        done = count
+
+    finite = np.nan_to_num(vertices, nan=0.0, posinf=0.0, neginf=0.0)  # no triangle that is kept has the others
+    tracer = intersector(finite, reached.triangles, progress)
+    return prepare_scene(reached, patches, normalisation, tracer, settings, d_max), normalisation, d_max
+
+
+def _triangles_in_reach(surfaces: Surfaces, patches: Patches, d_max: float) -> np.ndarray:
+    """Indices of the triangles of objects whose bounding box comes within d_max of the patches.
+
+    Whole objects stay, so that the inside of a solid that is larger than d_max can still be told. Vertices of an object
+    stand together, so the range of their indices is enough to find its box.
+    """
+    low, high = bounding_box(patches.corners)
+    starts = np.r_[surfaces.object_starts, len(surfaces.triangles)]
+    in_reach = np.zeros(len(surfaces.triangles), bool)
+    for first, end in itertools.pairwise(starts):
+        used = surfaces.triangles[first:end]
+        if not len(used):
+            continue
+        object_low, object_high = bounding_box(surfaces.vertices[used.min() : used.max() + 1])
+        in_reach[first:end] = (object_low <= high + d_max).all() and (object_high >= low - d_max).all()
+    return np.flatnonzero(in_reach)

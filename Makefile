@@ -4,7 +4,7 @@ VENV ?= .venv
 BPY ?= 4.5.15
 RUN = $(VENV)/bin/python
 
-.PHONY: venv demo test test-core test-blender test-window extension lint bench samples clean
+.PHONY: venv demo test test-core test-blender test-window extension lint bench figures samples clean
 
 venv: $(VENV)/installed-$(BPY)
 
@@ -36,6 +36,9 @@ lint: venv
 
 bench: venv
 	$(RUN) benchmarks/run.py
+
+figures: venv
+	$(RUN) benchmarks/figures.py
 
 samples: venv
 	$(RUN) sample_blends/make_samples.py

@@ -25,7 +25,8 @@ sys.path.insert(0, str(ROOT))
 from light_scene import LightScene  # noqa: E402
 from scenes import open_sample  # noqa: E402
 
-from obscurance_addon.core.corner_cells import face_of_corner, smooth_fans  # noqa: E402
+from obscurance_addon.blender.patch_parts import corner_fans  # noqa: E402
+from obscurance_addon.core.corner_cells import face_of_corner  # noqa: E402
 
 RAYS = 256
 REFERENCE_RAYS = 2048
@@ -88,19 +89,7 @@ def _store(scene: LightScene, radiance: np.ndarray) -> None:
     """Write values of patches, smoothed, as a face corner attribute that all materials show."""
     for ob, part, baked in zip(scene.objects, scene.arrays.ranges, scene.snapshot.baked, strict=True):
         base, faces = baked.base, radiance[part.first : part.end][part.element_patch]
-        fan = np.unique(
-            smooth_fans(
-                base.positions[base.corner_vertex].astype(float),
-                base.face_start,
-                base.triangle_corners,
-                base.triangle_face,
-                base.corner_vertex,
-                base.corner_edge,
-                base.sharp_edge,
-                base.sharp_face,
-            ),
-            return_inverse=True,
-        )[1]
+        fan = corner_fans(base)
         corner = faces[face_of_corner(base.face_start)]
         mean = np.stack([np.bincount(fan, column) for column in corner.T], -1) / np.bincount(fan)[:, None]
         colors = np.ones((len(fan), 4), np.float32)

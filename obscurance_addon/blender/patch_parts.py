@@ -66,7 +66,7 @@ def baked_part(baked: BakedObject, world: WorldObject, target: Target) -> PatchP
             corner_patch = base.corner_vertex
             element_patch = np.arange(len(base.positions))
         else:
-            corner_patch = element_patch = np.unique(_fans(base), return_inverse=True)[1]
+            corner_patch = element_patch = corner_fans(base)
         element = corner_patch[corner]
         linked, node, n_nodes = corner_patch, face, len(base.face_start) - 1
     n_patches = int(element_patch.max()) + 1
@@ -178,9 +178,10 @@ def _nearest_corner(base: MeshArrays, face: np.ndarray, points: np.ndarray) -> n
     return corner[order[first]].astype(np.int64)
 
 
-def _fans(base: MeshArrays) -> np.ndarray:
+def corner_fans(base: MeshArrays) -> np.ndarray:
+    """The group, 0, 1, ..., of each corner of a mesh whose corners shade smoothly into each other, (c,) int64."""
     points = base.positions[base.corner_vertex].astype(np.float64)
-    return smooth_fans(
+    fans = smooth_fans(
         points,
         base.face_start,
         base.triangle_corners,
@@ -190,3 +191,4 @@ def _fans(base: MeshArrays) -> np.ndarray:
         base.sharp_edge,
         base.sharp_face,
     )
+    return np.unique(fans, return_inverse=True)[1]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -78,25 +78,22 @@ def bake_light(
     return bake.run(neighbours, intersector)
 
 
+@dataclass
 class _LightBake:
-    """The state of one bake: geometry, direct light, what is unshot."""
+    """The state of one bake: what `bake_light` was given, then geometry, direct light, what is unshot."""
 
-    def __init__(
-        self,
-        surfaces: Surfaces,
-        patches: Patches,
-        others: Patches,
-        materials: PatchMaterials,
-        sources: LightSources,
-        settings: BakeSettings,
-        light: LightSettings,
-        monitor: Monitor,
-        block_rays: int,
-    ) -> None:
-        self.surfaces, self.patches, self.others, self.materials = surfaces, patches, others, materials
-        self.sources, self.settings, self.light = sources, settings, light
-        self.monitor, self.block_rays = monitor, block_rays
-        self.n = len(patches)
+    surfaces: Surfaces
+    patches: Patches
+    others: Patches
+    materials: PatchMaterials
+    sources: LightSources
+    settings: BakeSettings
+    light: LightSettings
+    monitor: Monitor
+    block_rays: int
+
+    def __post_init__(self) -> None:
+        self.n = len(self.patches)
         self.rays = self.error_rays = 0
         self.reflectors: Reflectors | None = None
 

@@ -9,10 +9,11 @@ _cli_command = None
 
 
 def _parts():
-    from .blender import handlers, properties
+    from .blender import baked_record, handlers, properties
     from .ui import material_operators, operators, panels, preferences, presets, result_operators
 
-    return properties, preferences, operators, result_operators, material_operators, presets, panels, handlers
+    operator_parts = operators, result_operators, material_operators
+    return properties, baked_record, preferences, *operator_parts, presets, panels, handlers
 
 
 def register():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from .blender.output_settings import OutputSettings
 from .core.errors import SettingsError
 from .core.falloff import Falloff
 from .core.light_settings import Ambient, LightSettings, Quantity
@@ -72,6 +73,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     try:
         BakeSettings(**estimator_changes(options))
         LightSettings(**light_changes(options))
+        OutputSettings(**output_changes(options))
     except SettingsError as error:
         bake.error(str(error))
     return options

@@ -112,7 +112,7 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
             bpy.ops.wm.save_as_mainfile(filepath=str(part), copy=True, compress=compress, check_existing=False)
     say.end()
     say.line(f"{scene} -> {output}: {report.summary()}")
-    traced = report.seconds["trace"]
+    traced = report.seconds["trace"] + report.seconds.get("light", 0.0)
     return {
         "scene": str(scene),
         "output": str(output),
@@ -133,6 +133,7 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
         "ambient_light": report.ambient_light,
         "openness": report.openness,
         "reflectors": report.reflectors,
+        "reflected_share": report.reflected_share,
         "peak_memory_bytes": _peak_memory(),
         "warnings": report.warnings,
     }

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..core.errors import ObscuranceError
 from . import color_attribute
+from .baked_record import indirect_exposure
 from .materials import DEFAULT_REFLECTANCE, node_tree_of
 from .node_tree import BAKED_LIGHT
 from .output_settings import OutputSettings
@@ -51,9 +52,9 @@ def add_ambient(objects: Iterable[bpy.types.Object], output: OutputSettings) -> 
     Parameters
     ----------
     objects : iterable of bpy.types.Object
-        Those without the baked attribute are passed over.
+        Those whose baked attribute is missing, or holds anything but indirect light, are passed over.
     output : OutputSettings
-        Where the result is, and its exposure, which is taken back.
+        Where the result is.
 
     Raises
     ------
@@ -61,28 +62,33 @@ def add_ambient(objects: Iterable[bpy.types.Object], output: OutputSettings) -> 
         When no object has such an attribute.
     """
     name, domain = output.attribute_name, output.target.value
-    baked = [ob for ob in objects if ob.type == "MESH" and color_attribute.is_color(ob.data, name, domain)]
+    layered = [ob for ob in objects if ob.type == "MESH" and color_attribute.is_color(ob.data, name, domain)]
+    stops = {ob: indirect_exposure(ob.data, name) for ob in layered}
+    baked = [ob for ob in layered if stops[ob] is not None]
     if not baked:
+        what = "holds no ambient light" if layered else f"is on the {domain.lower()}s of no selected object"
         raise ObscuranceError(
-            f"no selected object has a baked attribute '{name}' on its {domain.lower()}s: bake ambient light first, "
-            "with target and attribute as they are set now"
+            f"the attribute '{name}' {what}: set the quantity to Ambient Light and bake, with target and attribute as "
+            "they are set now"
         )
-    group, changed = _group(name, 2.0**-output.exposure)
+    changed, shown = False, []
     notes: list[str] = []
     locked: set[str] = set()
     for ob in baked:
         changed |= _fill_slots(ob, notes)
         for material in {slot.material for slot in ob.material_slots if slot.material}:
-            if not material.is_editable:
-                locked.add(material.name)
+            if material.is_editable:
+                changed |= _insert(material, name, 2.0 ** -stops[ob])
             else:
-                changed |= _insert(material.node_tree, group)
+                locked.add(material.name)
+        if any(map(_ambient_nodes, (slot.material for slot in ob.material_slots))):
+            shown.append(ob.name)
     if locked:
         notes.append(
             f"linked from a library, so they cannot show ambient light: {', '.join(map(repr, sorted(locked)))}; make "
             "these materials local (Object > Relations > Make Local)"
         )
-    return AmbientChange([ob.name for ob in baked], changed, notes)
+    return AmbientChange(shown, changed, notes)
 
 
 def remove_ambient(objects: Iterable[bpy.types.Object]) -> AmbientChange:
@@ -90,12 +96,12 @@ def remove_ambient(objects: Iterable[bpy.types.Object]) -> AmbientChange:
     changed = []
     trees: set[bpy.types.NodeTree] = set()
     for ob in [ob for ob in objects if ob.type == "MESH"]:
-        shown = [node for slot in ob.material_slots for node in _ambient_nodes(slot.material)]
-        trees.update(node.node_tree for node in shown)
-        if shown:
+        materials = {slot.material for slot in ob.material_slots if slot.material}
+        trees.update(node.node_tree for material in materials for node in _ambient_nodes(material))
+        if shows_ambient(ob):
             changed.append(ob.name)
-        for material in {slot.material for slot in ob.material_slots if slot.material}:
-            if material.is_editable:
+        for material in materials:
+            if material.is_editable and _STANDS_FOR not in material:
                 _extract(material)
         _empty_slots(ob)
     for material in [m for m in bpy.data.materials if _STANDS_FOR in m and not m.users]:
@@ -110,15 +116,11 @@ def shows_ambient(ob: bpy.types.Object) -> bool:
     return any(_ambient_nodes(slot.material) for slot in ob.material_slots)
 
 
-def _group(attribute: str, strength: float) -> tuple[bpy.types.NodeTree, bool]:
-    """The node group that adds an attribute, and whether it is new or another strength."""
+def _group(attribute: str, strength: float) -> bpy.types.NodeTree:
+    """The node group that adds an attribute, made where there is none."""
     for tree in bpy.data.node_groups:
-        if tree.get(BAKED_LIGHT) == attribute and tree.library is None:
-            changed = tree[_STRENGTH] != strength
-            if changed:
-                tree[_STRENGTH] = strength
-                tree.nodes[_STRENGTH].inputs[1].default_value = strength
-            return tree, changed
+        if tree.get(BAKED_LIGHT) == attribute and tree.get(_STRENGTH) == strength and tree.library is None:
+            return tree
     tree = bpy.data.node_groups.new(GROUP_NAME, "ShaderNodeTree")
     tree[BAKED_LIGHT], tree[_STRENGTH] = attribute, strength
     tree.interface.new_socket("Shader", in_out="INPUT", socket_type="NodeSocketShader")
@@ -139,7 +141,7 @@ def _group(attribute: str, strength: float) -> tuple[bpy.types.NodeTree, bool]:
     (begin, baked, path), (either,), (any_of,), (scale,), (emission,), (add,), (end,) = made
     baked.attribute_type, baked.attribute_name = "GEOMETRY", attribute
     either.operation = any_of.operation = "MAXIMUM"
-    scale.operation, scale.name = "MULTIPLY", _STRENGTH
+    scale.operation = "MULTIPLY"
     scale.inputs[1].default_value = strength
     for source, target in (
         (path.outputs[_SEEING_RAYS[0]], either.inputs[0]),
@@ -154,20 +156,27 @@ def _group(attribute: str, strength: float) -> tuple[bpy.types.NodeTree, bool]:
         (add.outputs[0], end.inputs[0]),
     ):
         tree.links.new(source, target)
-    return tree, True
+    return tree
 
 
-def _insert(tree: bpy.types.NodeTree, group: bpy.types.NodeTree) -> bool:
+def _insert(material: bpy.types.Material, attribute: str, strength: float) -> bool:
     """Put the group in front of every output that renders; whether anything was to be done."""
-    changed = False
-    for end in _outputs(tree):
+    tree, present = material.node_tree, _ambient_nodes(material)
+    outputs = [] if present else _outputs(tree)
+    if not present and not outputs:
+        return False
+    group = _group(attribute, strength)
+    changed = bool(outputs)
+    for node in present:  # wherever the user may have moved it
+        former = node.node_tree
+        if former != group:
+            node.node_tree = group
+            changed = True
+            if not former.users:
+                bpy.data.node_groups.remove(former)
+    for end in outputs:
         surface = end.inputs["Surface"]
         link = surface.links[0] if surface.links else None
-        if link is not None and _is_ambient(link.from_node):
-            if link.from_node.node_tree != group:
-                link.from_node.node_tree = group
-                changed = True
-            continue
         node = tree.nodes.new("ShaderNodeGroup")
         node.node_tree, node.name, node.label = group, GROUP_NAME, GROUP_NAME
         node.location = (end.location.x - 0.5 * _SPACE, end.location.y + _SPACE)
@@ -175,7 +184,6 @@ def _insert(tree: bpy.types.NodeTree, group: bpy.types.NodeTree) -> bool:
         if link is not None:
             _copy_link(tree, link, link.from_socket, node.inputs[0])
         tree.links.new(node.outputs[0], surface)
-        changed = True
     return changed
 
 

@@ -12,7 +12,7 @@ from ..core.patches import Patches, Surfaces
 from ..core.solids import solid_triangles
 from .materials import shade_faces
 from .output_settings import Target
-from .patch_parts import PatchPart, WorldObject, baked_part, other_part
+from .patch_parts import PatchPart, WorldObject, baked_part, other_part, unbaked_faces
 from .scene_geometry import ObjectSnapshot, SceneSnapshot
 
 MAX_TRIANGLES = 60_000_000  # about 12 GiB in the ray tracer; instances count each time
@@ -90,18 +90,18 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
                 f"object '{ob.name}': {broken} vertices have no finite position, their faces were left out; repair the "
                 "mesh or its modifiers"
             )
-    own = len(parts)
-    others = [
-        other_part(ob, world, number)
-        for number, (ob, world) in enumerate(zip(objects[own:], worlds[own:], strict=True))
-        if needs_light
-    ]
+    others, owners = [], list(range(len(parts)))  # owners: the object of each part
+    for number, (ob, world) in enumerate(zip(objects, worlds, strict=True) if needs_light else ()):
+        faces = unbaked_faces(ob.mesh) if number < len(parts) else np.ones(len(ob.mesh.face_start) - 1, bool)
+        if faces.any():
+            others.append(other_part(ob, world, number, faces))
+            owners.append(number)
     starts = np.cumsum([0] + [len(part.ids) for part in parts])
     node_starts = np.cumsum([0] + [part.n_nodes for part in parts])
     first_patch = np.cumsum([0] + [len(part.ids) for part in [*parts, *others]])
     everything = [*parts, *others]
     return BakeArrays(
-        surfaces=_join_surfaces(objects, worlds, [part.face_patch for part in everything], first_patch),
+        surfaces=_join_surfaces(objects, worlds, [part.face_patch for part in everything], owners, first_patch),
         patches=_join_patches(parts),
         others=_join_patches(others),
         materials=PatchMaterials(
@@ -139,9 +139,13 @@ def _join_patches(parts: list[PatchPart]) -> Patches:
 
 
 def _join_surfaces(
-    objects: list[ObjectSnapshot], worlds: list[WorldObject], face_patches: list[np.ndarray], first_patch: np.ndarray
+    objects: list[ObjectSnapshot],
+    worlds: list[WorldObject],
+    face_patches: list[np.ndarray],
+    owners: list[int],
+    first_patch: np.ndarray,
 ) -> Surfaces:
-    """All triangles; `face_patches` tell the patch of each face, of as many objects as have patches."""
+    """All triangles; `face_patches` tell the patch of each face of the objects named by `owners`, -1 for none."""
     solids: dict[int, np.ndarray] = {}
     solid = []
     for ob in objects:
@@ -152,9 +156,10 @@ def _join_surfaces(
     triangle_starts = np.cumsum([0] + [len(world.triangles) for world in worlds])
     pairs = zip(worlds, vertex_starts, strict=False)
     patch = np.full(triangle_starts[-1], -1, np.int32)
-    for ob, of_face, first, start in zip(objects, face_patches, first_patch, triangle_starts, strict=False):
-        known = of_face[ob.mesh.triangle_face]
-        patch[start : start + len(known)] = np.where(known >= 0, known + first, -1)
+    for owner, of_face, first in zip(owners, face_patches, first_patch, strict=False):
+        of_triangle = of_face[objects[owner].mesh.triangle_face]
+        known = np.flatnonzero(of_triangle >= 0)
+        patch[triangle_starts[owner] + known] = of_triangle[known] + first
     return Surfaces(
         vertices=np.concatenate([world.vertices for world in worlds]),
         triangles=np.concatenate([world.triangles + np.int32(first) for world, first in pairs]),

@@ -28,6 +28,7 @@ from ..core.settings import BakeSettings
 from . import color_attribute
 from .bake_arrays import BakeArrays, prepare_arrays
 from .bake_report import BakeReport
+from .baked_record import what_is_stored
 from .job_monitor import JobMonitor
 from .output_settings import OutputSettings, Scale, Target
 from .result_writer import write_values
@@ -194,7 +195,7 @@ class BakeJob:
         result, arrays = self._result, self._arrays
         values, rmse = self._values()
         per_object = [values[r.first : r.end][r.element_patch] for r in arrays.ranges]
-        notes = write_values(self._snapshot.baked, per_object, self._output)
+        notes = write_values(self._snapshot.baked, per_object, self._output, what_is_stored(self._light))
         seconds = {"extract": self._extract_seconds, **result.seconds, "write": time.perf_counter() - began}
         return BakeReport(
             objects=[baked.snapshot.name for baked in self._snapshot.baked],
@@ -229,8 +230,8 @@ class BakeJob:
             if 2 * hidden > len(valid):
                 warnings.append(
                     f"object '{baked.snapshot.name}': {hidden:,} of {len(valid):,} patches lie inside of a closed "
-                    "solid or have no area, so they took their neighbours' value or white; if the solid is a room, "
-                    "flip its normals (Mesh > Normals > Flip)"
+                    "solid or have no area, so they took their neighbours' value, or that of an open face; if the "
+                    "solid is a room, flip its normals (Mesh > Normals > Flip)"
                 )
         return warnings
 
@@ -243,6 +244,7 @@ def _ambient_report(result: Obscurances | BakedLight) -> dict[str, object]:
         "ambient_light": tuple(float(x) for x in result.ambient.intensity()),
         "openness": result.ambient.openness,
         "reflectors": result.reflectors,
+        "reflected_share": result.reflected_share,
     }
 
 

@@ -19,11 +19,11 @@ class BakeReport:
     patches, triangles, rays : int
         `rays` counts those for the error estimate too.
     seconds : dict of str to float
-        Per phase: extract, build, trace, write.
+        Per phase: extract, build, trace, light, write.
     r_ave, rmse : tuple of float
         Mean reflectance, and estimated error of the values written, per RGB channel.
     d_max : float
-        Metres; 0 where no obscurances were needed.
+        Metres.
     quantity : Quantity
     ambient_light : tuple of float or None
         I_A per RGB channel, W/m^2, where the quantity has an ambient part.
@@ -31,6 +31,8 @@ class BakeReport:
         Share of the hemisphere without surfaces, averaged over the scene; with `ambient_light`.
     reflectors : int
         Secondary reflectors that redistributed direct light.
+    reflected_share : float
+        Share of the direct light scattered in the scene that they held.
     warnings : list of str
     """
 
@@ -46,6 +48,7 @@ class BakeReport:
     ambient_light: tuple[float, float, float] | None = None
     openness: float | None = None
     reflectors: int = 0
+    reflected_share: float = 0.0
     warnings: list[str] = field(default_factory=list)
 
     def summary(self) -> str:

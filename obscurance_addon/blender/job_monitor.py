@@ -63,13 +63,18 @@ class JobMonitor(Monitor):
     @property
     def progress(self) -> float:
         """Share of the work done, 0 .. 1."""
-        share = min(self._done / self._total, 1.0)
-        return self._low + (self._high - self._low) * share
+        return self._place()[0]
+
+    def _place(self) -> tuple[float, float, float]:
+        """Progress, where the phase under way began, and when."""
+        with self._lock:
+            share = min(self._done / self._total, 1.0)
+            return self._low + (self._high - self._low) * share, self._low, self._since
 
     @property
     def remaining(self) -> float | None:
         """Estimated seconds left, from the pace of the phase under way; None while it says nothing."""
-        if self._low == 0.0 or not self._done:
+        progress, low, since = self._place()
+        if low == 0.0 or progress == low:
             return None
-        pace = (time.perf_counter() - self._since) / (self.progress - self._low)
-        return pace * (1.0 - self.progress)
+        return (time.perf_counter() - since) / (progress - low) * (1.0 - progress)

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 from ..core.lamps import AreaLamp, Lamp, PointLamp, SpotCone, SunLamp
-from .node_tree import Input
+from .node_tree import Input, Output, UnreadableNodeError
 from .shading import Shading
 from .textures import ImageCache
 from .tree_reader import TreeReader
@@ -46,11 +46,11 @@ class LightReader:
         if _is_animated(ob.original) or _is_animated(light.original):
             self._animated.add(name)
         self.note_linking(ob)
-        if light.type == "AREA" and light.cycles.is_portal:
+        if light.type == "AREA" and _is_portal(light):
             return
         colour = self._colour(light)
         if (colour < 0.0).any():
-            self.notes.append(f"light '{name}' has negative power, which cannot be baked: it was left out")
+            self._note(f"light '{name}' has negative power, which cannot be baked: it was left out")
             return
         lamp = _MAKERS[light.type](light, name, matrix, colour) if colour.any() and ob.visible_diffuse else None
         if lamp is None:
@@ -63,6 +63,10 @@ class LightReader:
         linking = getattr(ob, "light_linking", None)
         if linking is not None and (linking.receiver_collection or linking.blocker_collection):
             self._linked.add(ob.name)
+
+    def _note(self, text: str) -> None:
+        if text not in self.notes:  # instances say the same
+            self.notes.append(text)
 
     def finish(self, frame: int) -> None:
         """Say what a user may not expect."""
@@ -92,7 +96,7 @@ class LightReader:
         shading = reader.surface_at(Input(end.inputs["Surface"], None)) if end else Shading()
         if reader.problems or shading.varies():
             problems = "; ".join(reader.problems) or "its nodes use a texture"
-            self.notes.append(f"light '{light.name}': {problems}")
+            self._note(f"light '{light.name}': {problems}")
         return np.ones(3) * (1.0 if shading.varies() else shading.radiance.at(None)[0, 0])
 
 
@@ -108,9 +112,7 @@ def read_world(world: bpy.types.World | None, notes: list[str]) -> np.ndarray:
         return np.zeros(3)
     if end.inputs["Volume"].is_linked:
         notes.append(f"world '{world.name}' has a volume, which is not supported: it was left out")
-    origin = Input(end.inputs["Surface"], None).origin()
-    while origin is not None and (behind := origin.behind()) is not None:
-        origin = behind.origin()
+    origin = _source(Input(end.inputs["Surface"], None))
     if origin is None:
         return np.zeros(3)
     if origin.node.bl_idname != "ShaderNodeBackground":
@@ -126,6 +128,17 @@ def read_world(world: bpy.types.World | None, notes: list[str]) -> np.ndarray:
     if problems:
         notes.append(f"world '{world.name}': {'; '.join(problems)}")
     return np.clip(np.nan_to_num(radiance.astype(np.float64)), 0.0, None)
+
+
+def _source(target: Input) -> Output | None:
+    """The node output that really feeds an input, past reroutes and groups; None where nothing does."""
+    try:
+        origin = target.origin()
+        while origin is not None and (behind := origin.behind()) is not None:
+            origin = behind.origin()
+    except UnreadableNodeError:
+        return None
+    return origin
 
 
 def _point(light: bpy.types.Light, name: str, matrix: np.ndarray, colour: np.ndarray) -> PointLamp:
@@ -198,6 +211,10 @@ _MAKERS: dict[str, Callable[[bpy.types.Light, str, np.ndarray, np.ndarray], Lamp
 def _uses_nodes(owner: bpy.types.Light | bpy.types.World) -> bool:
     # New versions always use the nodes of a world, and warn when asked.
     return (bpy.app.version >= (5, 0, 0) and isinstance(owner, bpy.types.World)) or owner.use_nodes
+
+
+def _is_portal(light: bpy.types.Light) -> bool:
+    return getattr(getattr(light, "cycles", None), "is_portal", False)  # gone where Cycles is disabled
 
 
 def _is_animated(owner: bpy.types.ID) -> bool:

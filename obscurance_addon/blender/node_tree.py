@@ -9,8 +9,8 @@ import bpy
 from .expressions import Constant
 
 # Deeper trees are not followed: each node takes several frames of Python's stack.
-BAKED_LIGHT = "obscurance_attribute"  # custom property of node groups that add baked light to a surface
 MAX_DEPTH = 100
+BAKED_LIGHT = "obscurance_attribute"  # custom property of node groups that add baked light to a surface
 NUMBERS = {"VALUE", "INT", "BOOLEAN"}
 
 

@@ -90,24 +90,32 @@ def baked_part(baked: BakedObject, world: WorldObject, target: Target) -> PatchP
     )
 
 
-def other_part(ob: ObjectSnapshot, world: WorldObject, number: int) -> PatchPart:
-    """The faces of an object that only stands around; `number` tells instances of one object apart."""
-    face = ob.mesh.triangle_face.astype(np.int64)
-    n_faces = len(ob.mesh.face_start) - 1
-    cells = world.vertices[world.triangles]
-    if (np.diff(face) < 0).any():
-        order = np.argsort(face, kind="stable")
-        cells, face = cells[order], face[order]
-    reflectance, emission = _patch_means(cells, face, face, n_faces, world)
+def unbaked_faces(mesh: MeshArrays) -> np.ndarray:
+    """(f,) bool: evaluated faces of a baked object that came from none of its own, such as those a Boolean cuts in."""
+    if mesh.face_origin is None:
+        return np.zeros(len(mesh.face_start) - 1, bool)
+    return np.asarray(mesh.face_origin) <= 0
+
+
+def other_part(ob: ObjectSnapshot, world: WorldObject, number: int, faces: np.ndarray) -> PatchPart:
+    """Faces (f,) bool of an object that only scatter light; `number` tells instances of one object apart."""
+    kept = np.flatnonzero(faces[ob.mesh.triangle_face])
+    face = ob.mesh.triangle_face[kept].astype(np.int64)
+    order = np.argsort(face, kind="stable")
+    kept, face = kept[order], face[order]
+    n_patches = int(np.count_nonzero(faces))
+    face_patch = np.where(faces, np.cumsum(faces) - 1, -1)
+    cells, patch = world.vertices[world.triangles[kept]], face_patch[face]
+    reflectance, emission = _patch_means(cells, patch, face, n_patches, world)
     name = hash32(np.uint32(zlib.crc32(ob.name.encode()))) ^ np.uint32(number)
     nothing = np.zeros(0, np.int64)
     return PatchPart(
         cells=cells,
-        patch=face,
-        ids=hash32(np.arange(n_faces, dtype=np.uint32) ^ hash32(name)),
+        patch=patch,
+        ids=hash32(np.arange(n_patches, dtype=np.uint32) ^ hash32(name)),
         reflectance=reflectance,
         emission=emission,
-        face_patch=np.arange(n_faces),
+        face_patch=face_patch,
         element_patch=nothing,
         element_patch_of_node=nothing,
         node=nothing,

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import ObscuranceError
-from . import color_attribute
+from . import baked_record, color_attribute
 from .mesh_arrays import same_faces
 from .output_settings import OutputSettings, SharedMeshes, Target
 from .scene_geometry import BakedObject
@@ -16,8 +16,8 @@ class SceneChangedError(ObscuranceError):
     """The scene was edited while the bake ran, so that its result has no place any more."""
 
 
-def write_values(baked: list[BakedObject], values: list[np.ndarray], output: OutputSettings) -> list[str]:
-    """Put the values of all objects into attributes; on failure all is as it was."""
+def write_values(baked: list[BakedObject], values: list[np.ndarray], output: OutputSettings, stored: str) -> list[str]:
+    """Put the values of all objects into attributes, and note that they are `stored`; on failure all is as it was."""
     by_uid = {ob.session_uid: ob for ob in bpy.data.objects}  # references do not survive an undo
     objects = [_unchanged(b, by_uid.get(b.session_uid), output) for b in baked]
     groups: dict[int, list[int]] = {}
@@ -54,6 +54,7 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
             replaced = color_attribute.fill(mesh, next(layers)[2], name, spread)
             if replaced:
                 notes.append(replaced)
+            baked_record.remember(mesh, name, stored, output.exposure)
         shown, shown_domain = output.layers()[0]
         if shown_domain != "FACE":  # only corner and point colours can be active in the viewport
             color_attribute.make_active(mesh, shown)

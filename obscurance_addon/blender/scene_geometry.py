@@ -245,8 +245,11 @@ class _Reader:
 
     def note_hidden(self) -> None:
         """Name what does not count although a user may expect it to."""
-        unseen = set()
+        unseen, dark = set(), set()
         for ob in self._scene.collection.all_objects:
+            is_light = ob.type == "LIGHT" and self._lights is not None
+            if is_light and not ob.hide_render and ob.session_uid in self._rendered - self._visible:
+                dark.add(ob.name)
             if ob.type not in SOLID_TYPES:
                 continue
             if ob.hide_render or ob.session_uid not in self._rendered:
@@ -255,6 +258,8 @@ class _Reader:
                 unseen.add(ob.name)
         if self._hidden:
             self.notes.append(f"hidden from renders, so they do not occlude: {_names(self._hidden)}")
+        if dark:
+            self.notes.append(f"hidden in the viewport, so they do not light although they render: {_names(dark)}")
         if unseen:
             self.notes.append(f"hidden in the viewport, so they do not occlude although they render: {_names(unseen)}")
 

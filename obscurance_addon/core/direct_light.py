@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from .emissive_triangles import EmissiveTriangles
-from .first_hits import pass_doubled_faces, starts_inside
-from .lamps import Lamp
+from .first_hits import pass_doubled_faces, shadowed, starts_inside
+from .lamps import Lamp, LightSource
 from .patch_samples import BLOCK_RAYS, PatchSamples
 from .sampling import UNIT
 from .settings import BakeSettings
 from .traced_scene import FAR, TracedScene
 
-SPARSE_RAYS = 4  # of a patch of which only a share in a sum over the scene is asked
+SPARSE_RAYS = 4  # a patch, to tell how open a scene is
 
 _HIT, _DROPPED = 3, 4  # columns of the sums over unlimited rays behind the irradiance
 
@@ -47,7 +47,7 @@ class LitScene:
     world: np.ndarray
 
     @property
-    def sources(self) -> list[Lamp]:
+    def sources(self) -> list[LightSource]:
         """Everything that shadow rays are sent to."""
         return [*self.lamps, *([self.emitters] if self.emitters else [])]
 
@@ -115,25 +115,32 @@ def gather_direct_light(
     """
     cells, n_patches = scene.traced.cells, len(scene.traced.cells.area)
     every = np.arange(len(cells.patch))
-    shadows = _ShadowRays(scene, PatchSamples(cells, scene.ids, per_patch, settings, replicate, block_rays), progress)
-    rays = shadows.samples.run(every, shadows.cast, UNIT) * len(scene.sources) if scene.sources else 0
-    sparse = np.minimum(per_patch, SPARSE_RAYS)
     known = 0 if valid is None else len(valid)
+    far_rays = per_patch.copy()
     if not scene.shines_on_rays:  # then they only tell what is inside of solids, and how open the scene is
-        per_patch = np.concatenate([sparse[:known], per_patch[known:]])
-    far = _FarRays(scene, PatchSamples(cells, scene.ids, per_patch, settings, replicate, block_rays), progress)
-    rays += far.samples.run(every, far.cast)
+        sparse = slice(None) if scene.traced.solid is None else slice(0, known)
+        far_rays[sparse] = np.minimum(per_patch[sparse], SPARSE_RAYS)
+    far = _FarRays(scene, PatchSamples(cells, scene.ids, far_rays, settings, replicate, block_rays), progress)
+    rays = far.samples.run(every, far.cast)
 
     def per_patch_mean(sums: np.ndarray, samples: PatchSamples) -> np.ndarray:
         share = cells.weight / samples.count
         return np.stack([np.bincount(cells.patch, column * share, n_patches) for column in sums.T], -1)
 
     found = per_patch_mean(far.sums, far.samples)
-    irradiance = per_patch_mean(shadows.sums, shadows.samples) + found[:, :3]
     exposed = np.bincount(cells.patch, cells.weight, n_patches) - found[:, _DROPPED]
     exposed[exposed < 1e-9] = 0.0
     if valid is not None:
         exposed[:known] = valid
+    shadows = _ShadowRays(
+        scene,
+        PatchSamples(cells, scene.ids, per_patch, settings, replicate, block_rays),
+        progress,
+        (exposed < 1.0 - 1e-9)[cells.patch],
+    )
+    if scene.sources:
+        rays += shadows.samples.run(every, shadows.cast, UNIT) * len(scene.sources)
+    irradiance = per_patch_mean(shadows.sums, shadows.samples) + found[:, :3]
     divisor = np.where(exposed > 0.0, exposed, 1.0)
     irradiance[exposed == 0.0] = 0.0
     return DirectLight(
@@ -152,8 +159,11 @@ def gather_direct_light(
 class _ShadowRays:
     """Sums per cell over rays to points on the sources; every block writes its own cells."""
 
-    def __init__(self, scene: LitScene, samples: PatchSamples, progress: Callable[[int], None]) -> None:
+    def __init__(
+        self, scene: LitScene, samples: PatchSamples, progress: Callable[[int], None], partly_inside: np.ndarray
+    ) -> None:
         self.scene, self.samples, self.progress = scene, samples, progress
+        self.partly_inside = partly_inside  # (c,) bool: cells of patches that reach into solids
         self.sums = np.zeros((len(scene.traced.cells.patch), 3))
         self.tried = np.zeros(len(scene.sources), bool)
         self.reached = np.zeros(len(scene.sources), bool)
@@ -165,6 +175,7 @@ class _ShadowRays:
         origins = self.samples.origins(cells, rows)
         normals = np.repeat(traced.cells.frames[cells, 2, 3:], n, axis=0)
         unit = rows[..., 3:5].reshape(-1, 2)
+        may_be_inside = np.repeat(self.partly_inside[cells], n)
         total = np.zeros((m, 3))
         for index, source in enumerate(self.scene.sources):
             sample = source.sample(origins, normals, unit)
@@ -172,10 +183,11 @@ class _ShadowRays:
             lit = np.flatnonzero((cosine > 0.0) & (sample.received > 0.0).any(1))
             if len(lit):
                 self.tried[index] = True
-                if source.casts_shadow:
-                    blocked = traced.intersector.occluded(origins[lit], sample.direction[lit], sample.distance[lit])
-                    lit = lit[~blocked]
-                self.reached[index] |= len(lit) > 0
+                distance = sample.distance[lit] if source.casts_shadow else np.zeros(len(lit), np.float32)
+                if source.casts_shadow or may_be_inside[lit].any():
+                    lit = lit[~shadowed(traced, origins[lit], sample.direction[lit], distance, may_be_inside[lit])]
+                if len(lit):
+                    self.reached[index] = True
             irradiance = np.zeros((m * n, 3), np.float32)
             irradiance[lit] = sample.received[lit] * cosine[lit, None]
             total += irradiance.reshape(m, n, 3).sum(1, dtype=np.float64)

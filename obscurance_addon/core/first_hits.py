@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .ray_casting import Hits
-from .traced_scene import TracedScene
+from .traced_scene import FAR, TracedScene
 
 SAME_DIRECTION = 0.999  # cosine above which two touching faces count as doubles of each other
 COPLANAR_OFFSETS = 4.0  # hits within this many ray offsets are looked at for doubled faces
@@ -42,6 +42,27 @@ def pass_doubled_faces(
         hits.distance[rays], hits.triangle[rays] = beyond.distance + step, beyond.triangle
         hits.normal[rays] = beyond.normal
         rays = rays[(hits.triangle[rays] >= 0) & (hits.distance[rays] < COPLANAR_OFFSETS * offset[rays // n])]
+
+
+def shadowed(
+    scene: TracedScene, origins: np.ndarray, directions: np.ndarray, distances: np.ndarray, may_be_inside: np.ndarray
+) -> np.ndarray:
+    """(n,) bool: rays that meet something nearer than `distances`, or that start inside of a solid.
+
+    `may_be_inside` (n,) bool tells the rays for which that must be found out, which takes their first hit.
+    """
+    blocked = np.ones(len(origins), bool)
+    sure, unsure = np.flatnonzero(~may_be_inside), np.flatnonzero(may_be_inside)
+    if len(sure):
+        parts = (np.take(array, sure, axis=0) for array in (origins, directions, distances))
+        blocked[sure] = scene.intersector.occluded(*parts)
+    if len(unsure):
+        directions = np.take(directions, unsure, axis=0)
+        far = np.full(len(unsure), FAR, np.float32)
+        hits = scene.intersector.intersect(np.take(origins, unsure, axis=0), directions, far)
+        reached = (hits.triangle < 0) | (hits.distance >= np.take(distances, unsure))
+        blocked[unsure] = ~reached | starts_inside(scene, directions, hits)
+    return blocked
 
 
 def starts_inside(scene: TracedScene, directions: np.ndarray, hits: Hits) -> np.ndarray:

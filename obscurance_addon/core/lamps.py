@@ -40,11 +40,19 @@ class LampSamples:
     received: np.ndarray
 
 
-class Lamp(Protocol):
+class LightSource(Protocol):
     """What direct light asks of a source."""
 
     name: str
     casts_shadow: bool
+
+    def sample(self, points: np.ndarray, normals: np.ndarray, unit: np.ndarray) -> LampSamples:
+        """Sample the source; points and normals (n, 3) float32, unit (n, 2) float32 in 0 .. 1."""
+        ...
+
+
+class Lamp(LightSource, Protocol):
+    """A source without geometry, made in the world's metres."""
 
     def normalised(self, normalisation: Normalisation) -> Lamp:
         """The lamp of the world's metres in normalised coordinates."""
@@ -52,10 +60,6 @@ class Lamp(Protocol):
 
     def flux(self) -> np.ndarray:
         """What the lamp emits altogether per channel, (3,) W; before `normalised`. 0 for one infinitely far away."""
-        ...
-
-    def sample(self, points: np.ndarray, normals: np.ndarray, unit: np.ndarray) -> LampSamples:
-        """Sample the lamp; points and normals (n, 3) float32, unit (n, 2) float32 in 0 .. 1."""
         ...
 
 

@@ -31,6 +31,8 @@ from .scene_building import build_scene
 from .secondary_reflectors import redistribute, sample_receivers
 from .settings import BakeSettings
 
+OTHERS_SAMPLES = 1 << 17  # for each source, shared out by area over the surfaces that are not baked
+MAX_OTHER_SAMPLES = 4096  # of them for one patch
 ERROR_RECEIVERS = 256  # patches that receive redistributed light twice, which fixes the error to 6 %
 
 
@@ -103,9 +105,11 @@ class _LightBake:
         """All steps in order."""
         began = time.perf_counter()
         quantity = self.light.quantity
-        if quantity is Quantity.RADIOSITY:
-            check_size(self.n + len(self.others), (self.n + len(self.others)) * self.settings.rays)
+        if quantity is Quantity.RADIOSITY:  # before anything that takes long
+            check_size(self.n + len(self.others), self.settings.ray_budget or self.settings.rays * self.n)
         self._build(intersector)
+        if quantity is Quantity.RADIOSITY:
+            check_size(self.n + len(self.others), int(self._form_factor_rays().sum()))
         built = time.perf_counter()
         obscurances = None
         if quantity in (Quantity.AMBIENT, Quantity.COMBINED):
@@ -128,7 +132,7 @@ class _LightBake:
             rmse=rmse / np.pi,
             exposed=self.direct.valid[: self.n],
             r_ave=obscurances.r_ave if obscurances else self._mean_reflectance(),
-            d_max=obscurances.d_max if obscurances else 0.0,
+            d_max=self.d_max,
             rays=self.rays,
             error_rays=self.error_rays,
             ambient=ambient,
@@ -175,10 +179,11 @@ class _LightBake:
 
     def _light_up(self, obscurances: Obscurances | None) -> None:
         """Direct light on all patches, and once more on the sample that tells the error."""
-        per_patch = np.full(self.n + len(self.others), SPARSE_RAYS, np.int64)
-        per_patch[: self.n] = allocate_rays(self.scene.traced.cells.area[: self.n], self.settings)
+        per_patch = self._samples_per_patch()
+        chosen = np.ones(len(per_patch), bool)
+        chosen[: self.n] = self.sample
         passes = len(self.scene.sources) + 1
-        self.monitor.phase("light", int(passes * (per_patch.sum() + per_patch[: self.n][self.sample].sum())))
+        self.monitor.phase("light", int(passes * (per_patch.sum() + per_patch[chosen].sum())))
 
         def gather(scene: LitScene, **changes: object) -> DirectLight:
             return gather_direct_light(
@@ -192,52 +197,63 @@ class _LightBake:
             )
 
         self.direct = gather(self.scene)
-        chosen = np.zeros(len(per_patch), bool)
-        chosen[: self.n] = self.sample
         cells = self.scene.traced.cells.of_patches(chosen)
         self.again = gather(replace(self.scene, traced=replace(self.scene.traced, cells=cells)), replicate=1)
         self.rays += self.direct.rays
         self.error_rays += self.again.rays
         self.area = self.whole_area * self.direct.valid
         self.unshot = self.materials.reflectance * self.direct.irradiance
-        self.unshot_again = (self.materials.reflectance * self.again.irradiance)[: self.n]
-        self.unshot_again[~self.sample] = np.nan
+        self.unshot_again = self.materials.reflectance * self.again.irradiance
+        self.unshot_again[~chosen] = np.nan
+
+    def _samples_per_patch(self) -> np.ndarray:
+        """(p,) int: as the settings say for what is baked; others share a budget by area, for what they scatter."""
+        area = self.scene.traced.cells.area
+        own = allocate_rays(area[: self.n], self.settings)
+        if not len(self.others):
+            return own
+        share = area[self.n :] / max(area[self.n :].sum(), np.finfo(float).tiny)
+        budget = np.clip(OTHERS_SAMPLES * share, SPARSE_RAYS, MAX_OTHER_SAMPLES)
+        if self.light.quantity is Quantity.RADIOSITY:
+            budget = np.maximum(budget, self.settings.rays)
+        return np.concatenate([own, 2 ** np.floor(np.log2(budget)).astype(np.int64)])
 
     def _direct(self) -> tuple[np.ndarray, np.ndarray, None]:
-        return self.unshot[: self.n].copy(), self.unshot_again, None
+        return self.unshot[: self.n].copy(), self.unshot_again[: self.n], None
 
     def _with_ambient(self, obscurances: Obscurances) -> tuple[np.ndarray, np.ndarray, AmbientLight]:
         """Indirect light, with COMBINED all other light too; radiosities, W/m^2."""
         reflectance = self.materials.reflectance[: self.n]
-        values, again, left = self._redistribute()
-        ambient = self._ambient(obscurances.r_ave, left)
+        values, again, left, left_again = self._redistribute()
+        ambient, ambient_again = (self._ambient(obscurances.r_ave, flux) for flux in (left, left_again))
         values += reflectance * obscurances.white() * ambient.irradiance
-        again += reflectance * obscurances.white_again() * ambient.irradiance
+        again += reflectance * obscurances.white_again() * ambient_again.irradiance
         if self.light.quantity is Quantity.COMBINED:
             emission = self.materials.emission[: self.n]
             values += self.unshot[: self.n] + emission
-            again += self.unshot_again + emission
+            again += self.unshot_again[: self.n] + emission
         return values, again, ambient
 
-    def _redistribute(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What reflectors pass on to the patches to bake, twice (p, 3) W/m^2, and the unshot flux left (3,) W."""
-        flux = self.area @ self.unshot
+    def _redistribute(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """What reflectors pass on to the patches to bake (p, 3) W/m^2, and the unshot flux left (3,) W; each twice."""
+        unshot_again = np.where(np.isnan(self.unshot_again), self.unshot, self.unshot_again)
+        flux, flux_again = self.area @ self.unshot, self.area @ unshot_again
         nothing = np.zeros((self.n, 3))
         reflectance = self.materials.reflectance
         self.reflectors = choose_reflectors(
             self.scene.traced.cells, self.unshot, self.area, reflectance, self.light.reflectors
         )
         if self.reflectors is None:
-            return nothing, nothing.copy(), flux
+            return nothing, nothing.copy(), flux, flux_again
         receivers, weight = sample_receivers(self.n, self.area, reflectance, self.settings.seed)
         sampled = np.flatnonzero(self.sample)[:ERROR_RECEIVERS]
         self.monitor.phase("redistribute", len(receivers) + len(sampled))
 
-        def pass_on(patches: np.ndarray, replicate: int) -> tuple[np.ndarray, int]:
+        def pass_on(patches: np.ndarray, unshot: np.ndarray, replicate: int) -> tuple[np.ndarray, int]:
             found = redistribute(
                 self.scene,
                 self.reflectors,
-                self.unshot,
+                unshot,
                 self.direct.valid,
                 patches,
                 self.settings,
@@ -246,14 +262,16 @@ class _LightBake:
             )
             return reflectance[patches] * found.irradiance, found.rays
 
-        scattered, rays = pass_on(receivers, 0)
+        scattered, rays = pass_on(receivers, self.unshot, 0)
         self.rays += rays
-        flux = flux - self.area[self.reflectors.is_chosen] @ self.unshot[self.reflectors.is_chosen]
-        flux += (weight * self.area[receivers]) @ scattered
         again = np.full((self.n, 3), np.nan)
-        again[sampled], rays = pass_on(sampled, 1)
+        again[sampled], rays = pass_on(sampled, unshot_again, 1)
         self.error_rays += rays
-        return scattered[: self.n], again, np.maximum(flux, 0.0)
+        chosen = self.reflectors.is_chosen
+        arrived = (weight * self.area[receivers]) @ scattered
+        left = flux - self.area[chosen] @ self.unshot[chosen] + arrived
+        left_again = flux_again - self.area[chosen] @ unshot_again[chosen] + arrived
+        return scattered[: self.n], again, np.maximum(left, 0.0), np.maximum(left_again, 0.0)
 
     def _ambient(self, r_ave: np.ndarray, left: np.ndarray) -> AmbientLight:
         """The ambient light once `left` (3,) W of the scattered direct light is unshot."""
@@ -262,10 +280,9 @@ class _LightBake:
         if not area > 0.0:
             irradiance = np.zeros(3)
         elif self.light.ambient is Ambient.EMISSION:
-            emitted = self.whole_area @ self.materials.emission + sum(lamp.flux() for lamp in self.sources.lamps)
             scattered = self.area @ self.unshot
             share = np.where(scattered > 0.0, left / np.where(scattered > 0.0, scattered, 1.0), 1.0)
-            irradiance = ambient_from_emission(emitted, area, r_ave) * share
+            irradiance = ambient_from_emission(self._emitted(), area, r_ave) * share
         else:
             irradiance = ambient_from_received(left, area, r_ave, openness)
         return AmbientLight(irradiance, r_ave, openness, self.settings.use_bleeding)
@@ -273,7 +290,7 @@ class _LightBake:
     def _radiosity(self) -> tuple[np.ndarray, np.ndarray, None]:
         """All light by radiosity, or its indirect part; W/m^2."""
         reflectance = self.materials.reflectance
-        per_patch = np.full(len(reflectance), self.settings.rays, np.int64)
+        per_patch = self._form_factor_rays()
         self.monitor.phase("radiosity", int(per_patch.sum() + per_patch[: self.n][self.sample].sum()))
 
         def factors(scene: LitScene, replicate: int) -> object:
@@ -300,8 +317,13 @@ class _LightBake:
         values = indirect[: self.n].copy()
         if not self.light.indirect_only:
             values += self.unshot[: self.n] + self.materials.emission[: self.n]
-            again += self.unshot_again + self.materials.emission[: self.n]
+            again += self.unshot_again[: self.n] + self.materials.emission[: self.n]
         return values, again, None
+
+    def _form_factor_rays(self) -> np.ndarray:
+        """(p,) int: rays for a row of form factors."""
+        own = allocate_rays(self.scene.traced.cells.area[: self.n], self.settings)
+        return np.concatenate([own, np.full(len(self.others), self.settings.rays, np.int64)])
 
     def _mean_reflectance(self) -> np.ndarray:
         return mean_reflectance(
@@ -320,6 +342,15 @@ class _LightBake:
                 f"lights that reach no surface: {', '.join(map(repr, unreached))}; if one is inside of a wall or lamp "
                 "housing, move it out"
             )
-        if not self.direct.irradiance.any() and not self.scene.shines_on_rays:
+        if not self.scene.sources and not self.scene.world.any():
             warnings.append("nothing shines on the scene, so its light is black: add a light, or bake OBSCURANCE")
+        if self.light.ambient is Ambient.EMISSION and self.unshot.any() and not self._emitted().any():
+            warnings.append(
+                "ambient light is computed from what is emitted, but what shines (sun, world) has no known power, so "
+                "ambient light is black: use ambient light RECEIVED"
+            )
         return warnings
+
+    def _emitted(self) -> np.ndarray:
+        """Flux of lamps and surfaces, (3,) W."""
+        return self.whole_area @ self.materials.emission + sum(lamp.flux() for lamp in self.sources.lamps)

@@ -55,7 +55,7 @@ class BakedLight:
         Share of each patch outside of solids. Where it is 0, values come from neighbours as in `Obscurances`.
     r_ave : ndarray, (3,) float64
     d_max : float
-        Metres; 0 where no obscurances were needed.
+        Metres.
     rays, error_rays : int
     ambient : AmbientLight or None
     reflectors : int

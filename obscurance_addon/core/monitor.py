@@ -7,7 +7,7 @@ class Monitor:
     """Hears how far a bake is (the base class does not care); may raise `BakeCancelledError` to stop it."""
 
     def phase(self, name: str, total: int) -> None:
-        """A new phase ("build" or "trace") begins with `total` units of work (triangles or rays)."""
+        """A new phase begins with `total` units of work (triangles, rays or patches)."""
 
     def advance(self, amount: int) -> None:
         """That much more is done; called from any thread."""

@@ -19,6 +19,7 @@ import numpy as np
 
 from .direct_light import LitScene
 from .emissive_triangles import LUMINANCE
+from .first_hits import shadowed
 from .form_factors import triangle_form_factors
 from .lamps import TINY
 from .patch_samples import scramble_of
@@ -29,7 +30,9 @@ from .sobol import hash32
 
 MAX_OTHER_RECEIVERS = 4096  # patches that are not baked count only in a sum, for which a sample is enough
 
-# Samples of a pair by how much of the receiver's hemisphere the reflector covers at most.
+_BELOW_ONE = np.nextafter(np.float32(1.0), np.float32(0.0))
+
+# Samples of a pair by how much of the hemisphere the reflector covers from the nearest point of the receiver, about.
 _SAMPLES = ((0.0, 1), (0.005, 2), (0.02, 4), (0.1, 8))
 _MOST_SAMPLES = 16
 _NEAR = 0.02  # cover from which exact form factors replace the kernel that they are integrals of, which spikes there
@@ -82,7 +85,7 @@ def redistribute(
     progress : callable
         Called with the number of receivers just done; may raise to cancel.
     """
-    pairs = _Pairs(scene, reflectors, exitance, settings, replicate)
+    pairs = _Pairs(scene, reflectors, exitance, valid, settings, replicate)
     per_block = max(1, _BLOCK_PAIRS // (_SAMPLES[0][1] * len(reflectors)))
     blocks = [receivers[at : at + per_block] for at in range(0, len(receivers), per_block)]
     parts, rays = [], 0
@@ -136,10 +139,17 @@ class _Pairs:
     """Receivers x reflectors."""
 
     def __init__(
-        self, scene: LitScene, reflectors: Reflectors, exitance: np.ndarray, settings: BakeSettings, replicate: int
+        self,
+        scene: LitScene,
+        reflectors: Reflectors,
+        exitance: np.ndarray,
+        valid: np.ndarray,
+        settings: BakeSettings,
+        replicate: int,
     ) -> None:
         cells = scene.traced.cells
-        self.intersector, self.reflectors, self.cells = scene.traced.intersector, reflectors, cells
+        self.traced, self.reflectors, self.cells = scene.traced, reflectors, cells
+        self.partly_inside = (valid < 1.0 - 1e-9) & (scene.traced.solid is not None)
         patch = cells.patch[reflectors.cell]
         self.power = (exitance[patch] / reflectors.share[:, None]).astype(np.float32)  # of an entry, over its chance
         seed = int(hash32(np.uint32(settings.seed) ^ hash32(np.uint32(replicate ^ 0x5EC0))))
@@ -147,7 +157,7 @@ class _Pairs:
         self.boost = 1 << max(MAX_AUTOMATIC // len(reflectors), 1).bit_length() - 1  # few reflectors are sampled better
         self.rows = min(_SAMPLES[-1][1] * self.boost, _MOST_SAMPLES) * min(len(reflectors), _TABLE_REFLECTORS)
         points = unit_points(settings.sampler, seed, np.arange(_POINT_SETS), 0, self.rows)
-        self.table = points.astype(np.float32).reshape(-1, 4)
+        self.table = np.minimum(points.astype(np.float32), _BELOW_ONE).reshape(-1, 4)
         frames = cells.frames
         self.normal = np.ascontiguousarray(frames[:, 2, 3:])
         self.edge1, self.edge2 = (np.ascontiguousarray(frames[:, k, :3]) for k in (0, 1))
@@ -164,8 +174,8 @@ class _Pairs:
         self.end_weight = np.clip(running - before[cells.patch], 0.0, 1.0) + cells.patch
         cell_of = np.minimum(self.first_cell[:-1], len(cells.patch) - 1)[cells.patch]
         turned = np.einsum("ij,ij->i", self.normal, self.normal[cell_of]) < 1.0 - 1e-6
-        # How far a patch that is not plane may rise above the plane of its first cell.
-        self.bend = np.where(np.bincount(cells.patch, turned, len(cells.area)) > 0, 2.0 * np.sqrt(cells.area), 0.0)
+        self.is_bent = np.bincount(cells.patch, turned, len(cells.area)) > 0  # has no horizon of its own
+        self.middle, self.reach = self._receiver_balls()
         last = self.first_cell[1:][self.first_cell[1:] > self.first_cell[:-1]] - 1
         self.end_weight[last] = cells.patch[last] + 1
 
@@ -182,6 +192,19 @@ class _Pairs:
             0.5 * np.linalg.norm(high - low, axis=1),
             np.add.reduceat(area, reflectors.start[:-1]),
         )
+
+    def _receiver_balls(self) -> tuple[np.ndarray, np.ndarray]:
+        """Middle (p, 3) of each patch's first cell and the distance (p,) of its farthest corner; 0 without cells."""
+        cells, n_patches = self.cells, len(self.cells.area)
+        middle, reach = np.zeros((n_patches, 3), np.float32), np.zeros(n_patches, np.float32)
+        filled = np.flatnonzero(self.first_cell[1:] > self.first_cell[:-1])
+        if len(filled):
+            first = self.first_cell[filled]
+            middle[filled] = self.corner[first] + (self.edge1[first] + self.edge2[first]) / 3.0
+            corners = [self.corner, self.corner + self.edge1, self.corner + self.edge2]
+            away = np.max([np.linalg.norm(c - middle[cells.patch], axis=1) for c in corners], axis=0)
+            reach[filled] = np.maximum.reduceat(away, first)
+        return middle, reach
 
     def gather(self, receivers: np.ndarray) -> tuple[np.ndarray, int]:
         """Irradiance (r, 3) of receivers (r,) before division by their exposed share, and the number of rays."""
@@ -202,14 +225,12 @@ class _Pairs:
         """Pairs (row, reflector) that may see each other, and the most of the hemisphere that the reflector covers."""
         rows = np.flatnonzero(self.first_cell[receivers + 1] > self.first_cell[receivers])
         patch = receivers[rows]
-        cell = self.first_cell[patch]
-        middle = self.corner[cell] + (self.edge1[cell] + self.edge2[cell]) / 3.0
-        normal = self.normal[cell]
+        normal, middle = self.normal[self.first_cell[patch]], self.middle[patch]
         height = normal @ self.centre.T - np.einsum("ij,ij->i", normal, middle)[:, None]
-        r, k = np.nonzero(height > -self.radius - self.bend[patch][:, None])
+        r, k = np.nonzero((height > -self.radius) | self.is_bent[patch][:, None])
         towards = self.centre[k] - middle[r]
-        square = np.einsum("ij,ij->i", towards, towards)
-        return rows[r], k, self.size[k] / (np.pi * square + self.size[k])
+        distance = np.maximum(np.sqrt(np.einsum("ij,ij->i", towards, towards)) - self.reach[patch[r]], 0.0)
+        return rows[r], k, self.size[k] / (np.pi * distance * distance + self.size[k])
 
     def _sample(self, patch: np.ndarray, reflector: np.ndarray, number: int, near: bool) -> tuple[np.ndarray, int]:
         """Irradiance (q, 3) of patches from reflectors, pair by pair, from `number` places each."""
@@ -238,7 +259,8 @@ class _Pairs:
             np.maximum(factor, 0.0, out=factor)
             factor *= leaving * np.take(self.kernel_area, other) / square
         seen = np.flatnonzero((factor > 0.0) & (leaving > 0.0))
-        blocked = self.intersector.occluded(*(np.take(array, seen, axis=0) for array in (points, towards, distance)))
+        rays = (np.take(array, seen, axis=0) for array in (points, towards, distance))
+        blocked = shadowed(self.traced, *rays, self.partly_inside[patch[seen]])
         seen, number_seen = seen[~blocked], len(seen)
         chosen = np.take(chosen, seen)
         light = np.zeros((q * number, 3), np.float32)
@@ -256,11 +278,11 @@ class _Pairs:
 
 
 def _pick(ends: np.ndarray, owner: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Choose by shares: `ends` ascends over all owners, each from its index to the next; u in 0 .. 1.
+    """Choose by shares: `ends` ascends over all owners, each from its index to the next; u from 0 to below 1.
 
     Returns the entry and what is left of u, stretched to 0 .. 1.
     """
-    picked = np.searchsorted(ends, owner + np.minimum(u, 1.0 - 1e-9), side="right")
+    picked = np.searchsorted(ends, owner + u.astype(np.float64), side="right")
     start = np.where(picked > 0, ends[picked - 1], 0.0)
     rest = np.clip((owner + u - start) / np.maximum(ends[picked] - start, 1e-12), 0.0, 1.0)
     return picked, rest.astype(np.float32)

@@ -44,13 +44,8 @@ class OBSCURANCE_OT_apply_in_materials(bpy.types.Operator):
         try:
             if self.action == "REMOVE":
                 change = remove_ambient(context.selected_objects)
-            elif settings.stores_indirect_light():
-                change = add_ambient(context.selected_objects, settings.to_output())
             else:
-                raise ObscuranceError(
-                    "what is baked is not ambient light, so lamps would count twice: set the quantity to Ambient Light "
-                    "and bake"
-                )
+                change = add_ambient(context.selected_objects, settings.to_output())
         except ObscuranceError as error:
             self.report({"ERROR"}, sentence(str(error)))
             return {"CANCELLED"}
@@ -64,7 +59,7 @@ class OBSCURANCE_OT_apply_in_materials(bpy.types.Operator):
     def _tell(self, context: bpy.types.Context, objects: list[str], changed: bool) -> None:
         names = ", ".join(map(repr, objects))
         if not changed:
-            self.report({"INFO"}, f"Nothing to do: {names or 'no material'} shows no other ambient light")
+            self.report({"INFO"}, f"Nothing to do for {names}" if names else "Nothing to do: no material can show it")
         elif self.action == "REMOVE":
             self.report({"INFO"}, f"Ambient light is no longer shown by {names}")
         else:

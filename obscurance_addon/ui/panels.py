@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..blender.ambient_nodes import shows_ambient
+from ..blender.baked_record import indirect_exposure
 from ..blender.viewport_shading import shows_result
 from ..core.native_library import why_missing
 from .material_operators import OBSCURANCE_OT_apply_in_materials
@@ -52,7 +53,9 @@ class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
         )
         first = next((ob for ob in context.selected_objects if ob.type == "MESH"), None)
         applied = first is not None and shows_ambient(first)
-        if applied or context.scene.obscurance.stores_indirect_light():
+        settings = context.scene.obscurance
+        ready = first is not None and indirect_exposure(first.data, settings.attribute_name) is not None
+        if applied or ready or settings.stores_indirect_light():
             layout.operator(
                 OBSCURANCE_OT_apply_in_materials.bl_idname,
                 text="Remove from Materials" if applied else "Apply in Materials",

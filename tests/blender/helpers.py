@@ -219,7 +219,7 @@ def mesh_state(mesh: bpy.types.Mesh, without: Sequence[str] = ()) -> dict[str, o
         "shape keys": [(k.name, k.value, _points(k.data)) for k in mesh.shape_keys.key_blocks]
         if mesh.shape_keys
         else None,
-        "custom": dict(mesh.items()),
+        "custom": {key: value for key, value in mesh.items() if key != "obscurance_layers"},
         "users": mesh.users,
     }
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from obscurance_addon.blender.ambient_nodes import GROUP_NAME, add_ambient, remove_ambient, shows_ambient
+from obscurance_addon.blender.baked_record import INDIRECT, remember
 from obscurance_addon.blender.output_settings import OutputSettings
 from obscurance_addon.core.errors import ObscuranceError
 
@@ -101,6 +102,7 @@ def test_ambient_light_lights_nothing_else():
     ob = floor(n=4, color=(0.5, 0.5, 0.5))
     attribute = ob.data.attributes.new(FACE_LAYER, "FLOAT_COLOR", "FACE")
     attribute.data.foreach_set("color", np.full(64, 100.0, np.float32))
+    remember(ob.data, FACE_LAYER, INDIRECT, 0.0)
     above = floor("Above", size=0.5, z=1.0, color=(0.8, 0.8, 0.8))
     above.rotation_euler = (0.0, 0.0, 0.3)
     add_ambient([ob], OUTPUT)
@@ -232,8 +234,70 @@ def test_objects_that_are_not_baked_are_passed_over():
     ob, other = baked_floor(), cube("Other", color=(1, 0, 0))
     add_ambient([ob, other], OUTPUT)
     assert not shows_ambient(other)
-    with pytest.raises(ObscuranceError, match="bake ambient light first"):
+    with pytest.raises(
+        ObscuranceError, match="is on the faces of no selected object: set the quantity to Ambient Light"
+    ):
         add_ambient([other], OUTPUT)
+
+
+@pytest.mark.parametrize("quantity", ["OBSCURANCE", "DIRECT", "COMBINED", "RADIOSITY"])
+def test_what_is_not_ambient_light_is_refused(quantity):
+    """By what was baked, whatever the settings say now."""
+    ob = baked_floor()
+    bake(ob, quantity=quantity)
+    bpy.context.scene.obscurance.quantity = "AMBIENT"
+    with pytest.raises(ObscuranceError, match="holds no ambient light: set the quantity to Ambient Light and bake"):
+        add_ambient([ob], OUTPUT)
+    bake(ob, quantity="RADIOSITY", indirect_only=True)
+    bpy.context.scene.obscurance.quantity = "DIRECT"
+    assert add_ambient([ob], OUTPUT).changed
+
+
+def test_objects_of_other_exposure_keep_theirs():
+    """Two objects, two materials, two exposures: each is shown as bright as it is."""
+    one, two = baked_floor(), floor("Two", color=(0.3, 0.3, 0.3), z=-1.0)
+    bake(one, quantity="AMBIENT", exposure=2.0)
+    bake(two, quantity="AMBIENT")
+    add_ambient([one, two], OUTPUT)
+    strengths = {
+        ob.name: {
+            n.inputs[1].default_value for n in group_nodes(ob.data.materials[0])[0].node_tree.nodes if n.type == "MATH"
+        }
+        for ob in (one, two)
+    }
+    assert 0.25 in strengths["Floor"]
+    assert 1.0 in strengths["Two"]
+
+
+def test_nodes_behind_the_group_do_not_make_it_two():
+    """A user may put a reroute between the group and the output."""
+    ob = baked_floor()
+    add_ambient([ob], OUTPUT)
+    tree = ob.data.materials[0].node_tree
+    (node,) = group_nodes(ob.data.materials[0])
+    target = node.outputs[0].links[0].to_socket
+    reroute = tree.nodes.new("NodeReroute")
+    tree.links.new(node.outputs[0], reroute.inputs[0])
+    tree.links.new(reroute.outputs[0], target)
+    assert not add_ambient([ob], OUTPUT).changed
+    assert len(group_nodes(ob.data.materials[0])) == 1
+
+
+def test_stand_ins_of_several_objects_go_one_by_one():
+    """Taking ambient light from one object leaves the other's."""
+    one, two = baked_floor(), floor("Two", z=-1.0)
+    one.data.materials.clear()
+    before = file_state()
+    bake(two, quantity="AMBIENT")
+    add_ambient([one, two], OUTPUT)
+    assert one.data.materials[0] == two.data.materials[0]
+    assert remove_ambient([one]).objects == ["Floor"]
+    assert shows_ambient(two)
+    assert remove_ambient([two]).objects == ["Two"]
+    after = file_state()
+    assert after["materials"] == before["materials"]
+    assert after["groups"] == before["groups"]
+    assert not two.material_slots
 
 
 def test_materials_of_libraries_are_named(tmp_path):
@@ -249,6 +313,9 @@ def test_materials_of_libraries_are_named(tmp_path):
     change = add_ambient([ob], OUTPUT)
     assert [note for note in change.notes if "'Theirs'" in note and "Make Local" in note]
     assert not shows_ambient(ob)
+    assert not change.changed
+    assert not change.objects
+    assert not bpy.data.node_groups
 
 
 def test_operator():
@@ -256,9 +323,10 @@ def test_operator():
     ob = baked_floor()
     select(ob)
     operator = bpy.ops.obscurance.apply_in_materials
+    bake(ob)
     with pytest.raises(RuntimeError, match="set the quantity to Ambient Light and bake"):
         operator(action="ADD")
-    bpy.context.scene.obscurance.quantity = "AMBIENT"
+    bake(ob, quantity="AMBIENT")
     assert operator(action="ADD") == {"FINISHED"}
     assert shows_ambient(ob)
     assert operator(action="ADD") == {"CANCELLED"}

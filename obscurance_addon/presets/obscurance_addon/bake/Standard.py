@@ -5,3 +5,5 @@ settings = bpy.context.scene.obscurance
 settings.rays = 64
 settings.ray_budget = 0
 settings.sampler = "SOBOL"
+settings.ambient = "RECEIVED"
+settings.reflector_mode = "AUTO"

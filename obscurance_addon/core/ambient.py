@@ -8,6 +8,8 @@ import numpy as np
 
 from .patches import Surfaces, slices, triangle_areas
 
+LEAST_ABSORPTION = 0.05  # light in a closed scene that absorbs less has no bound
+
 
 @dataclass(frozen=True)
 class AmbientLight:
@@ -45,9 +47,9 @@ def ambient_from_emission(flux: np.ndarray, area: float, r_ave: np.ndarray) -> n
     area : float
         A_total, m^2.
     r_ave : ndarray, (3,)
-        0 .. 1, without 1.
+        0 .. 1; from 0.95 on as 0.95.
     """
-    return r_ave * flux / (area * (1.0 - r_ave))
+    return r_ave * flux / (area * np.maximum(1.0 - r_ave, LEAST_ABSORPTION))
 
 
 def ambient_from_received(flux: np.ndarray, area: float, r_ave: np.ndarray, openness: float) -> np.ndarray:
@@ -67,7 +69,7 @@ def ambient_from_received(flux: np.ndarray, area: float, r_ave: np.ndarray, open
         1 - C, 0 .. 1.
     """
     closed = 1.0 - openness
-    return closed * flux / (area * (1.0 - closed * r_ave))
+    return closed * flux / (area * np.maximum(1.0 - closed * r_ave, LEAST_ABSORPTION))
 
 
 def mean_reflectance(

@@ -4,6 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
+from obscurance_addon.blender.bake_arrays import prepare_arrays
+from obscurance_addon.blender.output_settings import Target
 from obscurance_addon.blender.scene_geometry import snapshot_scene
 from obscurance_addon.core.errors import SettingsError
 from obscurance_addon.core.light_settings import Quantity
@@ -275,6 +277,41 @@ def test_worlds_that_are_not_constant_are_named():
     background = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground")
     tree.links.new(sky.outputs[0], background.inputs["Color"])
     assert notes_about(notes_of(floor()), "world 'World'")
+
+
+def test_worlds_whose_background_is_muted_or_missing_are_black():
+    set_world((1.0, 1.0, 1.0))
+    ob = floor()
+    tree = bpy.context.scene.world.node_tree
+    background = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground")
+    background.mute = True
+    bake(ob, quantity="DIRECT")
+    assert not colors(ob).any()
+    tree.nodes.remove(background)
+    bake(ob, quantity="DIRECT")
+    assert not colors(ob).any()
+
+
+def test_faces_that_modifiers_bring_in_scatter_light_too():
+    """A Boolean's cut faces belong to no face of the mesh, but they are patches of the scene."""
+    ob, cutter = cube("Block", color=(0.5, 0.5, 0.5)), cube("Cutter", half=0.5, color=(0.9, 0.1, 0.1))
+    cutter.location = (0.0, 0.0, 1.0)
+    cutter.hide_render = True
+    modifier = ob.modifiers.new("Cut", "BOOLEAN")
+    modifier.object = cutter
+    modifier.solver = "EXACT"
+    bpy.context.view_layer.update()
+    made = prepare_arrays(snapshot_scene(bpy.context, [ob], needs_light=True), Target.FACE, needs_light=True)
+    assert len(made.patches) == 6
+    assert len(made.others) > 0
+    assert made.surfaces.patch.min() >= 0
+    assert len(made.materials.reflectance) == 6 + len(made.others)
+
+
+def test_lights_hidden_in_the_viewport_are_named():
+    ob = floor()
+    lamp("POINT", name="Asleep").hide_set(True)
+    assert notes_about(notes_of(ob), "hidden in the viewport", "do not light", "'Asleep'")
 
 
 def test_hidden_lights_do_not_light():

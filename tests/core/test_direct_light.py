@@ -222,3 +222,22 @@ def test_scale_and_place_do_not_matter():
     large = replace(lamp, position=1e3 * lamp.position + away, intensity=1e6 * ONE, radius=100.0)
     moved = scene([plane().moved(1e3, away)], [blocker.moved(1e3, away)]).bake_light("DIRECT", [large])
     np.testing.assert_allclose(moved.radiance, small.radiance, rtol=2e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("shadow", [True, False])
+def test_samples_inside_of_solids_receive_nothing(shadow):
+    """A floor 95 % of which lies under a crate: a lamp within it lights nothing, one without shadow the open part."""
+    strip = floor((0, 0), (2, 1), 1, 1).coloured(WHITE)
+    s = scene([strip], [box((0.1, -1, -0.5), (3, 2, 1.0))])
+    sun = SunLamp("Sun", [0.0, 0.0, 1.0], ONE, casts_shadow=shadow)
+    assert s.bake_light("DIRECT", [sun], BakeSettings(1024)).radiance * np.pi == pytest.approx(1.0, rel=1e-6)
+    within = PointLamp("Within", [1.0, 0.5, 0.5], ONE)
+    baked = s.bake_light("DIRECT", [within], BakeSettings(1024))
+    assert not baked.radiance.any()
+    assert [w for w in baked.warnings if "'Within'" in w]
+
+
+def test_ambient_from_emission_has_no_sun_and_says_so():
+    baked = scene([plane(2)]).bake_light("AMBIENT", [SunLamp("Sun", [0, 0, 1.0], ONE)], ambient="EMISSION")
+    assert not baked.radiance.any()
+    assert [w for w in baked.warnings if "use ambient light RECEIVED" in w]

@@ -33,6 +33,27 @@ def test_triangle_map_fills_the_triangle_uniformly():
     assert sampling.triangle_pdf(0.25) * 0.25 == 1.0
 
 
+def test_disc_map_is_uniform():
+    """The mean of x^2 and of r^2 over the disc are 1/4 and 1/2; the density is 1 over its area."""
+    disc = sampling.sample_disc(lattice(256))
+    np.testing.assert_allclose((disc**2).mean(0), 0.25, rtol=1e-4)
+    assert (np.linalg.norm(disc, axis=1) < 1.0).all()
+    assert sampling.disc_pdf() * np.pi == 1.0
+
+
+@pytest.mark.parametrize("cosine", [0.9999, 0.5, -0.3, -1.0])
+def test_cone_map_is_uniform_by_solid_angle(cosine):
+    """The cosine with the axis is uniform between the rim and 1, directions are unit vectors around the axis."""
+    u = lattice(256).astype(np.float32)
+    axis = np.tile(np.float32([0.6, 0.0, 0.8]), (len(u), 1))
+    directions, along = sampling.sample_cone(axis, np.float32(cosine), u)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-6)
+    np.testing.assert_allclose(np.einsum("ij,ij->i", directions, axis), along, atol=1e-6)
+    np.testing.assert_allclose(directions.mean(0), axis[0] * (1.0 + cosine) / 2.0, atol=1e-4)
+    np.testing.assert_allclose(np.quantile(along, [0.25, 0.5]), [1 - (1 - cosine) * q for q in (0.75, 0.5)], atol=1e-2)
+    assert sampling.cone_pdf(cosine) * 2.0 * np.pi * (1.0 - cosine) == pytest.approx(1.0)
+
+
 def test_hemisphere_map_is_undone_by_its_inverse():
     u = np.random.default_rng(3).random((10000, 2))
     directions = sampling.sample_cosine_hemisphere(u)

@@ -65,6 +65,9 @@ def _in_process(*arguments: str | int) -> object:
 
 def _work(name: str, *arguments: str, repeats: int) -> None:
     sys.path.insert(0, str(HERE.parent))
+    import obscurance_addon
+
+    obscurance_addon.register()
     module = __import__(name)
     result = module.run(*map(int, arguments)) if arguments else module.run(repeats)
     print("\n" + json.dumps(result), flush=True)

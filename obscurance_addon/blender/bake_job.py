@@ -168,7 +168,7 @@ class BakeJob:
     @property
     def progress(self) -> float:
         """Share of the work done, 0 .. 1."""
-        return self._monitor.progress
+        return 1.0 if self._result is not None else self._monitor.progress
 
     @property
     def remaining(self) -> float | None:

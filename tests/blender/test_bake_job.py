@@ -8,6 +8,7 @@ import pytest
 
 from obscurance_addon.blender.result_writer import SceneChangedError
 from obscurance_addon.core.errors import BakeCancelledError, GeometryError, ObscuranceError
+from obscurance_addon.core.light_settings import Quantity
 from tests.blender.helpers import (
     CORNER_LAYER,
     FACE_LAYER,
@@ -48,9 +49,10 @@ def bake_threads():
 # -------------------------------------------------------------------------------------------------- steps and report
 
 
-def test_steps_lead_to_a_result_and_then_stay_there():
+@pytest.mark.parametrize("quantity", Quantity)
+def test_steps_lead_to_a_result_and_then_stay_there(quantity):
     """Progress never falls and stays within 0 .. 1; a finished job is finished however often it is asked."""
-    running = job(corner(), rays=1 << 12)
+    running = job(corner(), rays=1 << 12, quantity=quantity)
     seen = [running.progress]
     while not running.step(0.001):
         seen.append(running.progress)

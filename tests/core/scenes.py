@@ -11,6 +11,7 @@ from obscurance_addon.core.bake import Obscurances, bake_obscurances
 from obscurance_addon.core.light_bake import bake_light
 from obscurance_addon.core.light_records import BakedLight, LightSources, PatchMaterials
 from obscurance_addon.core.light_settings import LightSettings
+from obscurance_addon.core.monitor import Monitor
 from obscurance_addon.core.patches import Patches, Surfaces
 from obscurance_addon.core.ray_casting import BruteForceIntersector
 from obscurance_addon.core.settings import BakeSettings
@@ -191,6 +192,7 @@ class Scene:
         *,
         world: Sequence[float] = (0.0, 0.0, 0.0),
         brute: bool = False,
+        monitor: Monitor | None = None,
         **light: object,
     ) -> BakedLight:
         """Bake light with Embree, or with the brute force reference."""
@@ -202,6 +204,7 @@ class Scene:
             LightSources(tuple(lamps), np.asarray(world, float)),
             settings or BakeSettings(),
             LightSettings(quantity, **light),
+            monitor=monitor,
             **({"intersector": brute_force} if brute else {}),
         )
 

@@ -5,6 +5,7 @@ import threading
 import pytest
 
 from obscurance_addon.core.errors import BakeCancelledError
+from obscurance_addon.core.lamps import PointLamp
 from obscurance_addon.core.monitor import Monitor
 from obscurance_addon.core.settings import BakeSettings
 
@@ -65,3 +66,35 @@ def test_a_cancelled_bake_can_be_repeated():
     with pytest.raises(BakeCancelledError):
         scene(OPEN).bake(monitor=Recorder("trace"))
     assert scene(OPEN).bake().valid.all()
+
+
+LAMP = PointLamp("Lamp", [0.05, 0.5, 0.5], [1.0, 1.0, 1.0])
+LIGHT_PHASES = {
+    "DIRECT": ["build", "light"],
+    "COMBINED": ["build", "trace", "light", "redistribute"],
+    "RADIOSITY": ["build", "light", "radiosity"],
+}
+
+
+def bake_light_of(quantity, monitor, rays=64):
+    """A lamp close to a wall, so that there are reflectors, and a solid."""
+    s = scene([*OPEN, box((0.3, 0.3, 0.1), (0.6, 0.6, 0.4), 2)])
+    return s.bake_light(quantity, [LAMP], BakeSettings(rays, distance=0.5), reflectors=8, monitor=monitor)
+
+
+@pytest.mark.parametrize("quantity", LIGHT_PHASES)
+def test_phases_of_light(quantity):
+    """They come in this order, and the work done comes close to what each announced."""
+    monitor = Recorder()
+    bake_light_of(quantity, monitor)
+    assert [name for name, _ in monitor.phases] == LIGHT_PHASES[quantity]
+    for name, total in monitor.phases:
+        assert 0.5 * total < monitor.done[name] <= 1.05 * total, name
+
+
+@pytest.mark.parametrize(("quantity", "phase"), [(q, p) for q, phases in LIGHT_PHASES.items() for p in phases])
+def test_every_phase_of_light_can_be_cancelled(quantity, phase):
+    before = set(threading.enumerate())
+    with pytest.raises(BakeCancelledError):
+        bake_light_of(quantity, Recorder(phase))
+    assert set(threading.enumerate()) == before

@@ -49,7 +49,7 @@ def adjust_last_operation(window):
     hud = window.region("HUD")
     yield from window.click(hud.x + 12, hud.y + hud.height - 12)
     yield 1.0
-    yield from window.click(hud.x + 121, hud.y + hud.height - 43)  # the check box of Color Bleeding
+    yield from window.click(hud.x + 121, hud.y + hud.height - 66)  # the check box of Color Bleeding
     yield from window.until(lambda: _colours() != colours, "another bake")
     assert all(r == g == b for r, g, b, _a in _colours())
     assert bpy.context.scene.obscurance.use_bleeding

@@ -35,6 +35,8 @@ OTHERS_SAMPLES = 1 << 17  # for each source, shared out by area over the surface
 MAX_OTHER_SAMPLES = 4096  # of them for one patch
 ERROR_RECEIVERS = 256  # patches that receive redistributed light twice, which fixes the error to 6 %
 
+_WITH_AMBIENT = (Quantity.AMBIENT, Quantity.COMBINED)
+
 
 def bake_light(
     surfaces: Surfaces,
@@ -112,7 +114,7 @@ class _LightBake:
             check_size(self.n + len(self.others), int(self._form_factor_rays().sum()))
         built = time.perf_counter()
         obscurances = None
-        if quantity in (Quantity.AMBIENT, Quantity.COMBINED):
+        if quantity in _WITH_AMBIENT:
             obscurances = self._obscurances(neighbours)
         traced = time.perf_counter()
         self._light_up(obscurances)
@@ -344,7 +346,8 @@ class _LightBake:
             )
         if not self.scene.sources and not self.scene.world.any():
             warnings.append("nothing shines on the scene, so its light is black: add a light, or bake OBSCURANCE")
-        if self.light.ambient is Ambient.EMISSION and self.unshot.any() and not self._emitted().any():
+        from_emission = self.light.ambient is Ambient.EMISSION and self.light.quantity in _WITH_AMBIENT
+        if from_emission and self.unshot.any() and not self._emitted().any():
             warnings.append(
                 "ambient light is computed from what is emitted, but what shines (sun, world) has no known power, so "
                 "ambient light is black: use ambient light RECEIVED"

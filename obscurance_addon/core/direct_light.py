@@ -19,7 +19,9 @@ from .sampling import UNIT
 from .settings import BakeSettings
 from .traced_scene import FAR, TracedScene
 
-SPARSE_RAYS = 4  # a patch, to tell how open a scene is
+SPARSE_RAYS = 4  # a patch at least, to tell how open a scene is
+OPENNESS_RAYS = 1 << 15  # in all, shared out by area: one large face may be most of a scene
+MAX_OPENNESS_RAYS = 4096  # of them for one patch
 
 _HIT, _DROPPED = 3, 4  # columns of the sums over unlimited rays behind the irradiance
 
@@ -116,10 +118,10 @@ def gather_direct_light(
     cells, n_patches = scene.traced.cells, len(scene.traced.cells.area)
     every = np.arange(len(cells.patch))
     known = 0 if valid is None else len(valid)
-    far_rays = per_patch.copy()
+    far_rays, openness_rays = per_patch.copy(), share_by_area(cells.area, OPENNESS_RAYS, MAX_OPENNESS_RAYS)
     if not scene.shines_on_rays:  # then they only tell what is inside of solids, and how open the scene is
         sparse = slice(None) if scene.traced.solid is None else slice(0, known)
-        far_rays[sparse] = np.minimum(per_patch[sparse], SPARSE_RAYS)
+        far_rays[sparse] = openness_rays[sparse]
     far = _FarRays(scene, PatchSamples(cells, scene.ids, far_rays, settings, replicate, block_rays), progress)
     rays = far.samples.run(every, far.cast)
 
@@ -128,6 +130,12 @@ def gather_direct_light(
         return np.stack([np.bincount(cells.patch, column * share, n_patches) for column in sums.T], -1)
 
     found = per_patch_mean(far.sums, far.samples)
+    wide = np.flatnonzero((openness_rays > far_rays)[cells.patch] & (cells.patch < known))
+    if len(wide):  # large patches, whose own number of rays says too little of the scene
+        more = _FarRays(scene, PatchSamples(cells, scene.ids, openness_rays, settings, replicate, block_rays), progress)
+        rays += more.samples.run(wide, more.cast)
+        patches = np.unique(cells.patch[wide])
+        found[patches, _HIT] = per_patch_mean(more.sums, more.samples)[patches, _HIT]
     exposed = np.bincount(cells.patch, cells.weight, n_patches) - found[:, _DROPPED]
     exposed[exposed < 1e-9] = 0.0
     if valid is not None:
@@ -154,6 +162,12 @@ def gather_direct_light(
             if tried and not reached
         ],
     )
+
+
+def share_by_area(area: np.ndarray, budget: int, most: int) -> np.ndarray:
+    """Samples of each patch (p,) int64, powers of two from SPARSE_RAYS to `most`, in proportion to area (p,)."""
+    share = area / max(float(area.sum()), np.finfo(float).tiny)
+    return 2 ** np.floor(np.log2(np.clip(budget * share, SPARSE_RAYS, most))).astype(np.int64)
 
 
 class _ShadowRays:

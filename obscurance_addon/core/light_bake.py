@@ -13,7 +13,7 @@ import numpy as np
 
 from .ambient import AmbientLight, ambient_from_emission, ambient_from_received, mean_reflectance
 from .bake import Obscurances, error_sample, half_difference, obscurances_in
-from .direct_light import SPARSE_RAYS, DirectLight, LitScene, gather_direct_light
+from .direct_light import OPENNESS_RAYS, DirectLight, LitScene, gather_direct_light, share_by_area
 from .embree import EmbreeIntersector
 from .emissive_triangles import EmissiveTriangles
 from .errors import GeometryError
@@ -185,7 +185,8 @@ class _LightBake:
         chosen = np.ones(len(per_patch), bool)
         chosen[: self.n] = self.sample
         passes = len(self.scene.sources) + 1
-        self.monitor.phase("light", int(passes * (per_patch.sum() + per_patch[chosen].sum())))
+        openness_rays = 0 if obscurances is None else 2 * OPENNESS_RAYS  # at most
+        self.monitor.phase("light", int(passes * (per_patch.sum() + per_patch[chosen].sum())) + openness_rays)
 
         def gather(scene: LitScene, **changes: object) -> DirectLight:
             return gather_direct_light(
@@ -214,11 +215,10 @@ class _LightBake:
         own = allocate_rays(area[: self.n], self.settings)
         if not len(self.others):
             return own
-        share = area[self.n :] / max(area[self.n :].sum(), np.finfo(float).tiny)
-        budget = np.clip(OTHERS_SAMPLES * share, SPARSE_RAYS, MAX_OTHER_SAMPLES)
+        others = share_by_area(area[self.n :], OTHERS_SAMPLES, MAX_OTHER_SAMPLES)
         if self.light.quantity is Quantity.RADIOSITY:
-            budget = np.maximum(budget, self.settings.rays)
-        return np.concatenate([own, 2 ** np.floor(np.log2(budget)).astype(np.int64)])
+            others = np.maximum(others, self.settings.rays)
+        return np.concatenate([own, others])
 
     def _direct(self) -> tuple[np.ndarray, np.ndarray, None]:
         return self.unshot[: self.n].copy(), self.unshot_again[: self.n], None

@@ -298,6 +298,20 @@ def test_light_settings_out_of_range(light):
         LightSettings(**light)
 
 
+@pytest.mark.parametrize("n", [1, 4])
+def test_openness_does_not_hang_on_a_few_large_faces(n):
+    """A box above a field ten times as wide: C is the same for a field of one face and of sixteen, and over seeds."""
+    field, block = floor((-5, -5), (5, 5), n, n), box((-0.5, -0.5, 0.2), (0.5, 0.5, 1.2), 4)
+    lamps = [SunLamp("Sun", [0, 0, 1.0], np.ones(3))]
+    found = [
+        1.0 - scene([field, block]).bake_light("AMBIENT", lamps, BakeSettings(64, seed=i)).ambient.openness
+        for i in range(8)
+    ]
+    assert np.std(found, ddof=1) < 0.06 * np.mean(found)
+    fine = scene([floor((-5, -5), (5, 5), 32, 32), block]).bake_light("AMBIENT", lamps, BakeSettings(64))
+    assert np.mean(found) == pytest.approx(1.0 - fine.ambient.openness, rel=0.03)
+
+
 def spread_and_claim(s, lamps, quantity, seeds=12):
     """Relative spread of the mean radiance over seeds, and what the bakes say of their error."""
     baked = [s.bake_light(quantity, lamps, BakeSettings(64, seed=i), reflectors=0) for i in range(seeds)]

@@ -5,7 +5,8 @@ reflectors: what they scatter, U_j = R_j H_j, leaves the unshot light and arrive
 is unshot again. The ambient light is computed from what is unshot at the end, so that nothing counts twice.
 
 Form factors are means over points spread over the receiver and the reflector: near by, of the exact form factor
-from the point to a whole triangle, times the visibility of a point on it, which has no spikes; farther away, of the
+from the point to a whole triangle, which has no spikes, times the share of it that is visible along cosine-distributed
+rays; farther away, of the
 kernel cos cos / (pi r^2) between two points that see each other.
 """
 
@@ -24,7 +25,7 @@ from .form_factors import triangle_form_factors
 from .lamps import TINY
 from .patch_samples import scramble_of
 from .reflector_choice import MAX_AUTOMATIC, Reflectors
-from .sampling import sample_triangle, unit_points
+from .sampling import sample_cosine_hemisphere, sample_triangle, unit_points
 from .settings import BakeSettings
 from .sobol import hash32
 
@@ -244,28 +245,53 @@ class _Pairs:
         stratum = (np.tile(np.arange(number), q) + unit[:, 2]) / number
         chosen, v = _pick(self.reflectors.end_share, reflector, stratum)
         other = self.reflectors.cell[chosen]
-        points, towards = self._place(own, u, unit[:, 1]), self._place(other, v, unit[:, 3])
-        towards -= points
-        square = np.maximum(np.einsum("ij,ij->i", towards, towards), TINY)
-        distance = np.sqrt(square)
-        towards /= distance[:, None]
-        leaving = -np.einsum("ij,ij->i", towards, np.take(self.normal, other, axis=0))
+        points, targets = self._place(own, u, unit[:, 1]), self._place(other, v, unit[:, 3])
+        arrives = np.zeros(len(points), bool)
         if near:
             corner = self.corner[other]
             corners = np.stack([corner, corner + self.edge1[other], corner + self.edge2[other]], 1)
             factor = triangle_form_factors(points, self.normal[own], corners)
-        else:
+            arrives = self._aim(own, other, points, unit[:, 2:], targets)
+        towards = targets - points
+        square = np.maximum(np.einsum("ij,ij->i", towards, towards), TINY)
+        distance = np.sqrt(square)
+        towards /= distance[:, None]
+        leaving = -np.einsum("ij,ij->i", towards, np.take(self.normal, other, axis=0))
+        if not near:
             factor = np.einsum("ij,ij->i", towards, np.take(self.normal, own, axis=0))
             np.maximum(factor, 0.0, out=factor)
             factor *= leaving * np.take(self.kernel_area, other) / square
         seen = np.flatnonzero((factor > 0.0) & (leaving > 0.0))
         rays = (np.take(array, seen, axis=0) for array in (points, towards, distance))
-        blocked = shadowed(self.traced, *rays, self.partly_inside[patch[seen]])
-        seen, number_seen = seen[~blocked], len(seen)
-        chosen = np.take(chosen, seen)
-        light = np.zeros((q * number, 3), np.float32)
-        light[seen] = (np.take(factor, seen) / number).astype(np.float32)[:, None] * np.take(self.power, chosen, axis=0)
-        return (light if number == 1 else light.reshape(q, number, 3).sum(1)), number_seen
+        visible = np.zeros(len(points), bool)
+        visible[seen] = ~shadowed(self.traced, *rays, self.partly_inside[patch[seen]])
+        light = (factor / number).astype(np.float32)[:, None] * np.take(self.power, chosen, axis=0)
+        if near:
+            return _by_visible_share(light, visible, arrives, number), len(seen)
+        light *= visible[:, None]
+        return (light if number == 1 else light.reshape(q, number, 3).sum(1)), len(seen)
+
+    def _aim(
+        self, own: np.ndarray, other: np.ndarray, points: np.ndarray, unit: np.ndarray, targets: np.ndarray
+    ) -> np.ndarray:
+        """Move targets (n, 3) to where a cosine-distributed ray from each point meets the plane of its cell `other`.
+
+        Returns (n,) bool: which rays meet the cell itself; the targets of the others stay. From close by, a large
+        reflector shines by the part that is near, which points spread evenly over it would miss.
+        """
+        local = sample_cosine_hemisphere(unit)
+        directions = np.einsum("ij,ijk->ik", local, self.cells.frames[own][..., 3:])
+        normal, edge1, edge2 = self.normal[other], self.edge1[other], self.edge2[other]
+        offset = points - self.corner[other]
+        with np.errstate(all="ignore"):
+            reach = -np.einsum("ij,ij->i", offset, normal) / np.einsum("ij,ij->i", directions, normal)
+            place = offset + reach[:, None] * directions
+            a, b, c = (np.einsum("ij,ij->i", x, y) for x, y in ((edge1, edge1), (edge1, edge2), (edge2, edge2)))
+            d, e = (np.einsum("ij,ij->i", place, edge) for edge in (edge1, edge2))
+            b1, b2 = (c * d - b * e) / (a * c - b * b), (a * e - b * d) / (a * c - b * b)
+            inside = (reach > 0.0) & (b1 >= 0.0) & (b2 >= 0.0) & (b1 + b2 <= 1.0)
+        targets[inside] = (self.corner[other] + place)[inside]
+        return inside
 
     def _place(self, cell: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Points (n, 3) on cells (n,), one ray offset above them."""
@@ -275,6 +301,20 @@ class _Pairs:
         place += b[:, 1:] * np.take(self.edge2, cell, axis=0)
         place += np.take(self.corner, cell, axis=0)
         return place
+
+
+def _by_visible_share(light: np.ndarray, visible: np.ndarray, arrives: np.ndarray, number: int) -> np.ndarray:
+    """Unoccluded light (q number, 3) of samples, summed over each pair's `number` and times its visible share; (q, 3).
+
+    The share is that of the samples that a cosine-distributed ray chose, weighed by their light; of all where none was.
+    """
+    light, visible, arrives = (array.reshape(-1, number, *array.shape[1:]) for array in (light, visible, arrives))
+    weight = light.sum(2)
+    chosen = weight * arrives
+    chosen = np.where((chosen.sum(1) > 0.0)[:, None], chosen, weight)
+    total = chosen.sum(1)
+    share = (chosen * visible).sum(1) / np.where(total > 0.0, total, 1.0)
+    return light.sum(1) * share[:, None]
 
 
 def _pick(ends: np.ndarray, owner: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

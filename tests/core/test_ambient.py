@@ -388,12 +388,12 @@ def parallel_edge_factor(a, b, n=400):
 
 
 def test_a_large_reflector_shines_by_its_near_part():
-    """A block on stilts over a field of one face and of 32 x 32: its own shade falls on it alike, within a tenth."""
+    """A block above a field of one face and of 32 x 32, lit without shadows: the same light comes up, within 5 %."""
     block = box((-0.5, -0.5, 0.1), (0.5, 0.5, 1.1), 4)
-    lamps = [SunLamp("Sun", [0.6, 0.0, 0.8], np.ones(3))]
+    lamps = [SunLamp("Sun", [0.6, 0.0, 0.8], np.ones(3), casts_shadow=False)]
     means = []
     for n in (1, 32):
         s = scene([block], [floor((-4, -4), (4, 4), n, n)])
         baked = s.bake_light("AMBIENT", lamps, BakeSettings(64), reflectors=4096)
         means.append((s.area @ baked.radiance)[0])
-    assert means[0] == pytest.approx(means[1], rel=0.1)
+    assert means[0] == pytest.approx(means[1], rel=0.05)

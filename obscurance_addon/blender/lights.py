@@ -17,7 +17,7 @@ import numpy as np
 
 from ..core.lamps import AreaLamp, Lamp, PointLamp, SpotCone, SunLamp
 from .node_tree import Input, Output, UnreadableNodeError
-from .shading import Shading
+from .shading import MAX_EMISSION, Shading
 from .textures import ImageCache
 from .tree_reader import TreeReader
 
@@ -49,6 +49,9 @@ class LightReader:
         if light.type == "AREA" and _is_portal(light):
             return
         colour = self._colour(light)
+        if not (np.isfinite(colour).all() and np.isfinite(matrix).all()):
+            self._note(f"light '{name}' has a power or a place that is no finite number: it was left out")
+            return
         if (colour < 0.0).any():
             self._note(f"light '{name}' has negative power, which cannot be baked: it was left out")
             return
@@ -127,7 +130,7 @@ def read_world(world: bpy.types.World | None, notes: list[str]) -> np.ndarray:
         radiance = np.ones(3) * colour.at(None)[0, 0] * strength.at(None)[0, 0]
     if problems:
         notes.append(f"world '{world.name}': {'; '.join(problems)}")
-    return np.clip(np.nan_to_num(radiance.astype(np.float64)), 0.0, None)
+    return np.clip(np.nan_to_num(radiance.astype(np.float64)), 0.0, MAX_EMISSION)
 
 
 def _source(target: Input) -> Output | None:

@@ -113,7 +113,7 @@ class PointLamp:
             cosine = np.where(outside, np.sqrt(np.maximum(1.0 - radius_square / square, 0.0)), -1.0)
             direction, along = sample_cone(axis, cosine, unit)
             # Radiance I / (pi r^2) x solid angle 2 pi (1 - cos), written so that small spheres keep their digits.
-            per_intensity = np.where(outside, 2.0 / (square * (1.0 + cosine)), 4.0 / radius_square)
+            per_intensity = 2.0 / np.where(outside, square * (1.0 + cosine), 0.5 * radius_square)
             inner = np.sqrt(np.maximum(radius_square - square * (1.0 - along * along), 0.0))
             distance = distance * along + np.where(outside, -inner, inner)
         else:

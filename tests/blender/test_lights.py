@@ -184,6 +184,38 @@ def test_lights_that_light_nothing_are_named():
     assert notes_about(notes_of(ob), "'Void'", "negative power")
 
 
+@pytest.mark.parametrize(
+    ("values", "place"),
+    [
+        ({"energy": float("inf")}, (0.0, 0.0, 1.0)),
+        ({"energy": float("nan")}, (0.0, 0.0, 1.0)),
+        ({"energy": 50.0}, (float("nan"), 0.0, 1.0)),
+    ],
+)
+def test_lights_that_are_not_finite_are_left_out_and_named(values, place):
+    ob = floor()
+    lamp("POINT", place, name="Astray", **values)
+    report = bake(ob, quantity="COMBINED")
+    assert notes_about(report.warnings, "'Astray'", "no finite number")
+    assert not colors(ob).any()
+
+
+def test_a_world_beyond_all_bounds_stays_finite():
+    ob = floor()
+    set_world((1.0, 1.0, 1.0), float("inf"))
+    bake(ob, quantity="COMBINED")
+    assert np.isfinite(colors(ob)).all()
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_inside_of_a_ball_of_light():
+    """No number is divided by zero, and light comes from all sides."""
+    ob = floor(n=2)
+    lamp("POINT", (0.0, 0.0, 1.0), energy=50.0, shadow_soft_size=5.0, use_soft_falloff=False)
+    bake(ob, quantity="DIRECT")
+    assert colors(ob).min() > 0.0
+
+
 @pytest.mark.parametrize("radius", [0.0, 1e-20])
 def test_lights_without_radius_are_points(radius):
     ob = white_probes()

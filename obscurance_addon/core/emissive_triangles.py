@@ -11,7 +11,8 @@ import numpy as np
 from .lamps import TINY, LampSamples
 from .patches import OFFSET, Surfaces
 from .ray_casting import Hits
-from .sampling import sample_triangle
+from .sampling import BELOW_ONE, sample_triangle
+from .shares import ascending_ends, pick
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709 colours
 
@@ -40,13 +41,12 @@ class EmissiveTriangles:
         double_area = np.linalg.norm(normal, axis=1)
         power = 0.5 * double_area.astype(np.float64) * brightness[shining]
         total = power.sum()
-        self.count = len(shining)
         self._corner, self._edge1, self._edge2 = corners[:, 0], edge1, edge2
         self._normal = normal / np.maximum(double_area, TINY)[:, None]
         self._offset = OFFSET * np.abs(corners).max((1, 2))
         self._solid = surfaces.solid[shining]
         self._radiance = radiance[shining]
-        self._share_end = np.cumsum(power) / max(total, float(TINY))
+        self._ends = ascending_ends(np.zeros(len(shining), np.int64), power / max(total, float(TINY)))
         # Density of a point on each triangle by area, for all triangles of the scene: 0 where nothing shines.
         self._radiance_of = np.concatenate([np.zeros((1, 3), np.float32), radiance])
         self._density_of = np.concatenate([[0.0], brightness / max(total, float(TINY))]).astype(np.float32)
@@ -55,10 +55,8 @@ class EmissiveTriangles:
 
     def sample(self, points: np.ndarray, normals: np.ndarray, unit: np.ndarray) -> LampSamples:
         """Points on emitters, chosen by power, weighed against the rays that could meet them too."""
-        picked = np.minimum(np.searchsorted(self._share_end, unit[:, 0], side="right"), self.count - 1)
-        start = np.where(picked > 0, self._share_end[picked - 1], 0.0)
-        stretched = (unit[:, 0] - start) / np.maximum(self._share_end[picked] - start, TINY)
-        b = sample_triangle(np.stack([np.clip(stretched, 0.0, 1.0), unit[:, 1]], -1)).astype(np.float32)
+        picked, rest = pick(self._ends, 0, np.minimum(unit[:, 0], BELOW_ONE))
+        b = sample_triangle(np.stack([rest, unit[:, 1]], -1)).astype(np.float32)
         place = self._corner[picked] + b[:, :1] * self._edge1[picked] + b[:, 1:] * self._edge2[picked]
         normal = self._normal[picked]
         side = np.sign(np.einsum("ij,ij->i", points - place, normal))

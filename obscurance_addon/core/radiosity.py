@@ -17,7 +17,9 @@ from .direct_light import LitScene
 from .emissive_triangles import LUMINANCE
 from .errors import GeometryError
 from .patch_samples import BLOCK_RAYS, PatchSamples
+from .patches import Cells
 from .settings import BakeSettings
+from .shares import ascending_ends, pick
 from .traced_scene import FAR
 
 MAX_PATCHES = 50_000  # a row of form factors has up to as many entries as rays: 64 rays each take about 30 MB
@@ -202,9 +204,9 @@ def shoot_random_walks(
     received, rays = np.zeros((n_patches, 3)), 0
     if not weight.sum() > 0.0:
         return received, rays
-    running = np.cumsum(weight) / weight.sum()
-    patch = np.searchsorted(running, (np.arange(walks) + random.random(walks)) / walks, side="right")
-    patch = np.minimum(patch, n_patches - 1)
+    by_light = ascending_ends(np.zeros(n_patches, np.int64), weight / weight.sum())
+    patch, _ = pick(by_light, 0, (np.arange(walks) + random.random(walks)) / walks)
+    ends = ascending_ends(cells.patch, cells.weight)
     power = unshot[patch] * (area / np.where(weight > 0.0, weight, 1.0))[patch, None] * (weight.sum() / walks)
     more = np.where(valid > 0.0, 1.0 / np.where(valid > 0.0, valid, 1.0), 0.0)
     for _ in range(_MAX_BOUNCES):
@@ -214,7 +216,7 @@ def shoot_random_walks(
         for at in range(0, len(patch), BLOCK_RAYS):
             part = slice(at, at + BLOCK_RAYS)
             power[part] *= more[patch[part], None]
-            target[part] = _patch_seen(scene, *_leave(cells, patch[part], random))
+            target[part] = _patch_seen(scene, *_leave(cells, ends, patch[part], random))
             progress(len(patch[part]))
         rays += len(patch)
         met = target >= 0
@@ -227,13 +229,11 @@ def shoot_random_walks(
     return reflectance * received / np.where(area > 0.0, area, np.inf)[:, None], rays
 
 
-def _leave(cells: object, patch: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Origins and directions (n, 3) float32 of particles that leave patches (n,)."""
-    ends = np.cumsum(cells.weight)
-    first = np.searchsorted(cells.patch, patch)
-    before = np.where(first > 0, ends[first - 1], 0.0)
-    cell = np.searchsorted(ends, before + random.random(len(patch)) * (1.0 - 1e-9), side="right")
-    cell = np.clip(cell, first, np.searchsorted(cells.patch, patch, side="right") - 1)
+def _leave(
+    cells: Cells, ends: np.ndarray, patch: np.ndarray, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and directions (n, 3) float32 of particles that leave patches (n,); `ends` choose cells by area."""
+    cell, _ = pick(ends, patch, random.random(len(patch)))
     root = np.sqrt(random.random(len(patch)))
     along = random.random(len(patch))
     frames = cells.frames[cell]

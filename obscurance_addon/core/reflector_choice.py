@@ -11,6 +11,7 @@ import numpy as np
 
 from .emissive_triangles import LUMINANCE
 from .patches import Cells
+from .shares import ascending_ends
 from .sobol import hash32
 
 MAX_AUTOMATIC = 64  # reflectors
@@ -29,7 +30,7 @@ class Reflectors:
         Range of each reflector in `cell`.
     cell : ndarray, (m,) int64
     end_share : ndarray, (m,) float64
-        Share of its reflector's light from a cell and those before it, plus the reflector's index: ascending.
+        To choose a cell by its share (`shares.pick`); the owners are the reflectors' indices.
     share : ndarray, (m,) float64
         Of the cell itself.
     is_chosen : ndarray, (p,) bool
@@ -93,13 +94,9 @@ def choose_reflectors(
     cell = cell[np.argsort(of_cell[cell], kind="stable")]
     start = np.searchsorted(of_cell[cell], np.arange(number + 1))
     share = cell_light[cell] / np.add.reduceat(cell_light[cell], start[:-1])[of_cell[cell]]
-    running = np.cumsum(share)
-    before = np.concatenate([[0.0], running])[start[:-1]]
-    end_share = np.clip(running - before[of_cell[cell]], 0.0, 1.0) + of_cell[cell]
-    end_share[start[1:] - 1] = np.arange(1, number + 1)
     is_chosen = np.zeros(len(light), bool)
     is_chosen[cells.patch[cell]] = True
-    return Reflectors(start, cell, end_share, share, is_chosen, float(held[number - 1]))
+    return Reflectors(start, cell, ascending_ends(of_cell[cell], share), share, is_chosen, float(held[number - 1]))
 
 
 def _neighbourhoods(cells: Cells, reflectance: np.ndarray) -> np.ndarray:

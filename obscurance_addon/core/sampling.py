@@ -13,6 +13,7 @@ from .settings import Sampler
 
 DIRECTION = ("x", "y", "z")  # what a row of a ray table tells beside the place: a direction about the normal,
 UNIT = ("u", "v")  # or the two coordinates that are left, for what is not a hemisphere
+BELOW_ONE = np.nextafter(np.float32(1.0), np.float32(0.0))  # for numbers that single precision rounded up to 1
 SCRAMBLES = 256  # independent point sets; neighbours rarely share one, and a table of 64 rays stays in the L2 cache
 
 

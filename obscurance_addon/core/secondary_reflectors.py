@@ -4,10 +4,9 @@ The bookkeeping is that of progressive radiosity (Cohen et al. 1988), stopped af
 reflectors: what they scatter, U_j = R_j H_j, leaves the unshot light and arrives at the patches that see them, where it
 is unshot again. The ambient light is computed from what is unshot at the end, so that nothing counts twice.
 
-Form factors are means over points spread over the receiver and the reflector: near by, of the exact form factor
-from the point to a whole triangle, which has no spikes, times the share of it that is visible along cosine-distributed
-rays; farther away, of the
-kernel cos cos / (pi r^2) between two points that see each other.
+Form factors are means over points spread over the receiver and the reflector: near by, of the exact form factor from
+the point to a whole triangle, which has no spikes, times the share of it that is visible along cosine-distributed rays;
+farther away, of the kernel cos cos / (pi r^2) between two points that see each other.
 """
 
 from __future__ import annotations
@@ -25,13 +24,12 @@ from .form_factors import triangle_form_factors
 from .lamps import TINY
 from .patch_samples import scramble_of
 from .reflector_choice import MAX_AUTOMATIC, Reflectors
-from .sampling import sample_cosine_hemisphere, sample_triangle, unit_points
+from .sampling import BELOW_ONE, sample_cosine_hemisphere, sample_triangle, unit_points
 from .settings import BakeSettings
+from .shares import ascending_ends, pick
 from .sobol import hash32
 
 MAX_OTHER_RECEIVERS = 4096  # patches that are not baked count only in a sum, for which a sample is enough
-
-_BELOW_ONE = np.nextafter(np.float32(1.0), np.float32(0.0))
 
 # Samples of a pair by how much of the hemisphere the reflector covers from the nearest point of the receiver, about.
 _SAMPLES = ((0.0, 1), (0.005, 2), (0.02, 4), (0.1, 8))
@@ -158,27 +156,20 @@ class _Pairs:
         self.boost = 1 << max(MAX_AUTOMATIC // len(reflectors), 1).bit_length() - 1  # few reflectors are sampled better
         self.rows = min(_SAMPLES[-1][1] * self.boost, _MOST_SAMPLES) * min(len(reflectors), _TABLE_REFLECTORS)
         points = unit_points(settings.sampler, seed, np.arange(_POINT_SETS), 0, self.rows)
-        self.table = np.minimum(points.astype(np.float32), _BELOW_ONE).reshape(-1, 4)
+        self.table = np.minimum(points.astype(np.float32), BELOW_ONE).reshape(-1, 4)
         frames = cells.frames
         self.normal = np.ascontiguousarray(frames[:, 2, 3:])
         self.edge1, self.edge2 = (np.ascontiguousarray(frames[:, k, :3]) for k in (0, 1))
-        self.corner = np.ascontiguousarray(
-            frames[:, 2, :3]
-        )  # one offset above the surface: where rays start, and where they end
+        self.corner = np.ascontiguousarray(frames[:, 2, :3])  # one ray offset above the surface
         self.cell_area = cells.weight * cells.area[cells.patch]
         self.kernel_area = (self.cell_area / np.pi).astype(np.float32)
         self.centre, self.radius, self.size = self._balls()
         self.first_cell = np.searchsorted(cells.patch, np.arange(len(cells.area) + 1))
-        # Ascending over all cells: share of the patch's area up to the cell, plus the patch's index.
-        running = np.cumsum(cells.weight)
-        before = np.concatenate([[0.0], running])[self.first_cell[:-1]]
-        self.end_weight = np.clip(running - before[cells.patch], 0.0, 1.0) + cells.patch
+        self.end_weight = ascending_ends(cells.patch, cells.weight)
         cell_of = np.minimum(self.first_cell[:-1], len(cells.patch) - 1)[cells.patch]
         turned = np.einsum("ij,ij->i", self.normal, self.normal[cell_of]) < 1.0 - 1e-6
         self.is_bent = np.bincount(cells.patch, turned, len(cells.area)) > 0  # has no horizon of its own
         self.middle, self.reach = self._receiver_balls()
-        last = self.first_cell[1:][self.first_cell[1:] > self.first_cell[:-1]] - 1
-        self.end_weight[last] = cells.patch[last] + 1
 
     def _balls(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Centre (k, 3), radius (k,) and area (k,) of a ball around each reflector."""
@@ -223,7 +214,7 @@ class _Pairs:
         return found, rays
 
     def _pairs_above_horizon(self, receivers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pairs (row, reflector) that may see each other, and the most of the hemisphere that the reflector covers."""
+        """Pairs (row, reflector) that may see each other, and about the most of the hemisphere that is covered."""
         rows = np.flatnonzero(self.first_cell[receivers + 1] > self.first_cell[receivers])
         patch = receivers[rows]
         normal, middle = self.normal[self.first_cell[patch]], self.middle[patch]
@@ -241,9 +232,9 @@ class _Pairs:
         unit = np.take(self.table, index.ravel(), axis=0)
         if number > 1:
             patch, reflector = np.repeat(patch, number), np.repeat(reflector, number)
-        own, u = _pick(self.end_weight, patch, unit[:, 0])
+        own, u = pick(self.end_weight, patch, unit[:, 0])
         stratum = (np.tile(np.arange(number), q) + unit[:, 2]) / number
-        chosen, v = _pick(self.reflectors.end_share, reflector, stratum)
+        chosen, v = pick(self.reflectors.end_share, reflector, stratum)
         other = self.reflectors.cell[chosen]
         points, targets = self._place(own, u, unit[:, 1]), self._place(other, v, unit[:, 3])
         arrives = np.zeros(len(points), bool)
@@ -315,14 +306,3 @@ def _by_visible_share(light: np.ndarray, visible: np.ndarray, arrives: np.ndarra
     total = chosen.sum(1)
     share = (chosen * visible).sum(1) / np.where(total > 0.0, total, 1.0)
     return light.sum(1) * share[:, None]
-
-
-def _pick(ends: np.ndarray, owner: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Choose by shares: `ends` ascends over all owners, each from its index to the next; u from 0 to below 1.
-
-    Returns the entry and what is left of u, stretched to 0 .. 1.
-    """
-    picked = np.searchsorted(ends, owner + u.astype(np.float64), side="right")
-    start = np.where(picked > 0, ends[picked - 1], 0.0)
-    rest = np.clip((owner + u - start) / np.maximum(ends[picked] - start, 1e-12), 0.0, 1.0)
-    return picked, rest.astype(np.float32)

@@ -12,7 +12,8 @@ _HEAD = """# Benchmarks
 
     make bench
 
-runs everything here in about five minutes, writes raw results to `results/` and this page. Nothing on it is
+runs everything here in about ten minutes, writes raw results to `results/` and this page, and
+[docs/light_error.md](../docs/light_error.md), light beside radiosity. Nothing on them is
 typed by hand: edit `table.py`. The machine is small and shared, so only ratios of things measured side by side in one
 run mean anything; medians are given.
 

@@ -273,8 +273,9 @@ def _stand_in(original: bpy.types.Material | str) -> bpy.types.Material:
     else:
         made, colour = bpy.data.materials.new("Obscurance Surface"), (*[DEFAULT_REFLECTANCE] * 3, 1.0)
     made[_STANDS_FOR] = original
-    if bpy.app.version < (5, 0, 0):
-        made.use_nodes = True
+    if bpy.app.version >= (5, 0, 0):  # there, a new material looks like none; before, none was a plain diffuse surface
+        return made
+    made.use_nodes = True
     tree = made.node_tree
     tree.nodes.clear()
     end, shader = tree.nodes.new("ShaderNodeOutputMaterial"), tree.nodes.new("ShaderNodeBsdfDiffuse")

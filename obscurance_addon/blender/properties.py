@@ -227,10 +227,6 @@ class ObscuranceSettings(bpy.types.PropertyGroup):
         own["reflectors"] = None if self.reflector_mode == "AUTO" else self.reflectors
         return LightSettings(**own | changes)
 
-    def stores_indirect_light(self) -> bool:
-        """Whether a bake stores indirect light alone, which a renderer's direct light can be added to."""
-        return self.quantity == "AMBIENT" or (self.quantity == "RADIOSITY" and self.indirect_only)
-
     def changed(self) -> dict[str, object]:
         """Settings that were given a value, by name; the others have their defaults."""
         return {name: getattr(self, name) for name in setting_names() if self.is_property_set(name)}

@@ -1,39 +1,36 @@
 """One bake of light: direct light, the ambient term with the obscurances, and radiosity to compare with.
 
-Every step is a function of its own elsewhere; here they come in order, with the bookkeeping of what is unshot.
+Every step is a function of its own elsewhere; here they come in order.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from .ambient import AmbientLight, ambient_from_emission, ambient_from_received, mean_reflectance
-from .bake import Obscurances, error_sample, half_difference, obscurances_in
-from .direct_light import OPENNESS_RAYS, DirectLight, LitScene, gather_direct_light, share_by_area
+from .ambient import mean_reflectance
+from .bake import error_sample, half_difference, obscurances_in
+from .direct_light import LitScene
 from .embree import EmbreeIntersector
 from .emissive_triangles import EmissiveTriangles
 from .errors import GeometryError
 from .filling import fill_invalid
+from .indirect_light import IndirectLight, light_by_obscurances, light_by_radiosity
 from .light_records import BakedLight, LightSources, PatchMaterials
 from .light_settings import Ambient, LightSettings, Quantity
+from .lit_patches import LitPatches, light_up
 from .monitor import Monitor
 from .patch_samples import BLOCK_RAYS
-from .patches import Patches, Surfaces, prepare_cells
-from .radiosity import check_size, gather_form_factors, solve_radiosity
+from .patches import Normalisation, Patches, Surfaces, prepare_cells
+from .radiosity import check_size
 from .ray_allocation import allocate_rays
 from .ray_casting import Intersector
-from .reflector_choice import Reflectors, choose_reflectors
 from .scene_building import build_scene
-from .secondary_reflectors import redistribute, sample_receivers
 from .settings import BakeSettings
-
-OTHERS_SAMPLES = 1 << 17  # for each source, shared out by area over the surfaces that are not baked
-MAX_OTHER_SAMPLES = 4096  # of them for one patch
-ERROR_RECEIVERS = 256  # patches that receive redistributed light twice, which fixes the error to 6 %
+from .traced_scene import TracedScene
 
 _WITH_AMBIENT = (Quantity.AMBIENT, Quantity.COMBINED)
 
@@ -78,282 +75,116 @@ def bake_light(
     """
     if not len(patches):
         raise GeometryError("there is no face to bake")
-    bake = _LightBake(surfaces, patches, others, materials, sources, settings, light, monitor or Monitor(), block_rays)
-    return bake.run(neighbours, intersector)
-
-
-@dataclass
-class _LightBake:
-    """The state of one bake: what `bake_light` was given, then geometry, direct light, what is unshot."""
-
-    surfaces: Surfaces
-    patches: Patches
-    others: Patches
-    materials: PatchMaterials
-    sources: LightSources
-    settings: BakeSettings
-    light: LightSettings
-    monitor: Monitor
-    block_rays: int
-
-    def __post_init__(self) -> None:
-        self.n = len(self.patches)
-        self.rays = self.error_rays = 0
-        self.reflectors: Reflectors | None = None
-
-    def run(
-        self, neighbours: tuple[np.ndarray, np.ndarray] | None, intersector: Callable[..., Intersector]
-    ) -> BakedLight:
-        """All steps in order."""
-        began = time.perf_counter()
-        quantity = self.light.quantity
-        if quantity is Quantity.RADIOSITY:  # before anything that takes long
-            check_size(self.n + len(self.others), self.settings.ray_budget or self.settings.rays * self.n)
-        self._build(intersector)
-        if quantity is Quantity.RADIOSITY:
-            check_size(self.n + len(self.others), int(self._form_factor_rays().sum()))
-        built = time.perf_counter()
-        obscurances = None
-        if quantity in _WITH_AMBIENT:
-            obscurances = self._obscurances(neighbours)
-        traced = time.perf_counter()
-        self._light_up(obscurances)
-        warnings = self._lamp_warnings() + (obscurances.warnings if obscurances else [])
-        values, again, ambient = {
-            Quantity.DIRECT: lambda _: self._direct(),
-            Quantity.AMBIENT: self._with_ambient,
-            Quantity.COMBINED: self._with_ambient,
-            Quantity.RADIOSITY: lambda _: self._radiosity(),
-        }[quantity](obscurances)
-        valid = self.direct.valid[: self.n] > 0.0
-        again[~valid] = np.nan
-        rmse = half_difference(values, again)
-        fill_invalid(values, valid, np.zeros(3), neighbours)
-        return BakedLight(
-            radiance=values / np.pi,
-            rmse=rmse / np.pi,
-            exposed=self.direct.valid[: self.n],
-            r_ave=obscurances.r_ave if obscurances else self._mean_reflectance(),
-            d_max=self.d_max,
-            rays=self.rays,
-            error_rays=self.error_rays,
-            ambient=ambient,
-            reflectors=len(self.reflectors) if self.reflectors else 0,
-            reflected_share=self.reflectors.light_share if self.reflectors else 0.0,
-            seconds={"build": built - began, "trace": traced - built, "light": time.perf_counter() - traced},
-            warnings=warnings,
+    monitor = monitor or Monitor()
+    quantity, n_baked = light.quantity, len(patches)
+    if quantity is Quantity.RADIOSITY:
+        check_size(
+            n_baked + len(others), len(others) * settings.rays + (settings.ray_budget or settings.rays * n_baked)
         )
-
-    def _build(self, intersector: Callable[..., Intersector]) -> None:
-        traced, self.normalisation, self.d_max = build_scene(
-            self.surfaces, self.patches, self.settings, self.monitor, intersector, whole=True
-        )
-        self.baked = traced
-        everything = self.patches.with_others(self.others)
-        cells = prepare_cells(everything, self.normalisation, self.settings.thread_count())
-        emitters = EmissiveTriangles(traced.surfaces) if (traced.surfaces.emission > 0.0).any() else None
-        self.scene = LitScene(
-            replace(traced, cells=cells),
-            everything.ids,
-            tuple(lamp.normalised(self.normalisation) for lamp in self.sources.lamps),
-            emitters,
-            np.asarray(self.sources.world, np.float64),
-        )
-        self.sample = error_sample(self.patches.ids)
-        self.whole_area = cells.area * self.normalisation.scale**2
-
-    def _obscurances(self, neighbours: tuple[np.ndarray, np.ndarray] | None) -> Obscurances:
-        found = obscurances_in(
-            self.baked,
-            self.normalisation,
-            self.d_max,
-            self.surfaces,
-            self.patches.ids,
-            self.settings,
+    began = time.perf_counter()
+    traced, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector, whole=True)
+    scene = _lit_scene(traced, normalisation, patches.with_others(others), sources, settings)
+    built = time.perf_counter()
+    obscurances = None
+    if quantity in _WITH_AMBIENT:
+        obscurances = obscurances_in(
+            traced,
+            normalisation,
+            d_max,
+            surfaces,
+            patches.ids,
+            settings,
             neighbours=neighbours,
-            patch_reflectance=self.materials.reflectance[: self.n],
-            monitor=self.monitor,
-            block_rays=self.block_rays,
+            patch_reflectance=materials.reflectance[:n_baked],
+            monitor=monitor,
+            block_rays=block_rays,
         )
-        self.rays += found.rays
-        self.error_rays += found.error_rays
-        return found
+    obscured = time.perf_counter()
+    lit = light_up(
+        scene,
+        materials,
+        error_sample(patches.ids),
+        normalisation.scale,
+        settings,
+        least_for_others=settings.rays if quantity is Quantity.RADIOSITY else 0,
+        valid=None if obscurances is None else obscurances.sums.valid,
+        monitor=monitor,
+        block_rays=block_rays,
+    )
+    emitted = lit.whole_area @ materials.emission + sum(lamp.flux() for lamp in sources.lamps)
+    indirect = None
+    if obscurances is not None:
+        indirect = light_by_obscurances(lit, obscurances, emitted, settings, light, monitor)
+    elif quantity is Quantity.RADIOSITY:
+        own = allocate_rays(scene.traced.cells.area[:n_baked], settings)
+        per_patch = np.concatenate([own, np.full(len(others), settings.rays, np.int64)])
+        indirect = light_by_radiosity(lit, per_patch, settings, monitor, block_rays)
+    values, again = _sum_up(lit, indirect, light)
+    exposed = lit.direct.valid[:n_baked]
+    again[exposed == 0.0] = np.nan
+    rmse = half_difference(values, again)
+    fill_invalid(values, exposed > 0.0, np.zeros(3), neighbours)
+    parts = [part for part in (obscurances, lit, indirect) if part is not None]
+    reflectors = indirect.reflectors if indirect else None
+    return BakedLight(
+        radiance=values / np.pi,
+        rmse=rmse / np.pi,
+        exposed=exposed,
+        r_ave=obscurances.r_ave
+        if obscurances
+        else mean_reflectance(surfaces, lit.whole_area[:n_baked], exposed, materials.reflectance[:n_baked]),
+        d_max=d_max,
+        rays=sum(part.rays for part in parts),
+        error_rays=sum(part.error_rays for part in parts),
+        ambient=indirect.ambient if indirect else None,
+        reflectors=len(reflectors) if reflectors else 0,
+        reflected_share=reflectors.light_share if reflectors else 0.0,
+        seconds={"build": built - began, "trace": obscured - built, "light": time.perf_counter() - obscured},
+        warnings=_warnings(lit, emitted, light) + (obscurances.warnings if obscurances else []),
+    )
 
-    def _light_up(self, obscurances: Obscurances | None) -> None:
-        """Direct light on all patches, and once more on the sample that tells the error."""
-        per_patch = self._samples_per_patch()
-        chosen = np.ones(len(per_patch), bool)
-        chosen[: self.n] = self.sample
-        passes = len(self.scene.sources) + 1
-        openness_rays = 0 if obscurances is None else 2 * OPENNESS_RAYS  # at most
-        self.monitor.phase("light", int(passes * (per_patch.sum() + per_patch[chosen].sum())) + openness_rays)
 
-        def gather(scene: LitScene, **changes: object) -> DirectLight:
-            return gather_direct_light(
-                scene,
-                per_patch,
-                self.settings,
-                valid=None if obscurances is None else obscurances.sums.valid,
-                progress=self.monitor.advance,
-                block_rays=self.block_rays,
-                **changes,
-            )
+def _lit_scene(
+    traced: TracedScene, normalisation: Normalisation, patches: Patches, sources: LightSources, settings: BakeSettings
+) -> LitScene:
+    """The traced scene with rays leaving all patches, and its light in normalised coordinates."""
+    cells = prepare_cells(patches, normalisation, settings.thread_count())
+    emitters = EmissiveTriangles(traced.surfaces) if (traced.surfaces.emission > 0.0).any() else None
+    lamps = tuple(lamp.normalised(normalisation) for lamp in sources.lamps)
+    return LitScene(replace(traced, cells=cells), patches.ids, lamps, emitters, np.asarray(sources.world, np.float64))
 
-        self.direct = gather(self.scene)
-        cells = self.scene.traced.cells.of_patches(chosen)
-        self.again = gather(replace(self.scene, traced=replace(self.scene.traced, cells=cells)), replicate=1)
-        self.rays += self.direct.rays
-        self.error_rays += self.again.rays
-        self.area = self.whole_area * self.direct.valid
-        self.unshot = self.materials.reflectance * self.direct.irradiance
-        self.unshot_again = self.materials.reflectance * self.again.irradiance
-        self.unshot_again[~chosen] = np.nan
 
-    def _samples_per_patch(self) -> np.ndarray:
-        """(p,) int: as the settings say for what is baked; others share a budget by area, for what they scatter."""
-        area = self.scene.traced.cells.area
-        own = allocate_rays(area[: self.n], self.settings)
-        if not len(self.others):
-            return own
-        others = share_by_area(area[self.n :], OTHERS_SAMPLES, MAX_OTHER_SAMPLES)
-        if self.light.quantity is Quantity.RADIOSITY:
-            others = np.maximum(others, self.settings.rays)
-        return np.concatenate([own, others])
+def _sum_up(lit: LitPatches, indirect: IndirectLight | None, light: LightSettings) -> tuple[np.ndarray, np.ndarray]:
+    """Radiosity of the quantity asked for (n, 3) W/m^2, twice."""
+    direct, direct_again = lit.unshot[lit.baked], lit.unshot_again[lit.baked]
+    if indirect is None:
+        return direct.copy(), direct_again.copy()
+    values, again = indirect.radiosity.copy(), indirect.again.copy()
+    everything = light.quantity is Quantity.COMBINED or (
+        light.quantity is Quantity.RADIOSITY and not light.indirect_only
+    )
+    if everything:
+        emission = lit.materials.emission[lit.baked]
+        values += direct + emission
+        again += direct_again + emission
+    return values, again
 
-    def _direct(self) -> tuple[np.ndarray, np.ndarray, None]:
-        return self.unshot[: self.n].copy(), self.unshot_again[: self.n], None
 
-    def _with_ambient(self, obscurances: Obscurances) -> tuple[np.ndarray, np.ndarray, AmbientLight]:
-        """Indirect light, with COMBINED all other light too; radiosities, W/m^2."""
-        reflectance = self.materials.reflectance[: self.n]
-        values, again, left, left_again = self._redistribute()
-        ambient, ambient_again = (self._ambient(obscurances.r_ave, flux) for flux in (left, left_again))
-        values += reflectance * obscurances.white() * ambient.irradiance
-        again += reflectance * obscurances.white_again() * ambient_again.irradiance
-        if self.light.quantity is Quantity.COMBINED:
-            emission = self.materials.emission[: self.n]
-            values += self.unshot[: self.n] + emission
-            again += self.unshot_again[: self.n] + emission
-        return values, again, ambient
-
-    def _redistribute(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """What reflectors pass on to the patches to bake (p, 3) W/m^2, and the unshot flux left (3,) W; each twice."""
-        unshot_again = np.where(np.isnan(self.unshot_again), self.unshot, self.unshot_again)
-        flux, flux_again = self.area @ self.unshot, self.area @ unshot_again
-        nothing = np.zeros((self.n, 3))
-        reflectance = self.materials.reflectance
-        self.reflectors = choose_reflectors(
-            self.scene.traced.cells, self.unshot, self.area, reflectance, self.light.reflectors
+def _warnings(lit: LitPatches, emitted: np.ndarray, light: LightSettings) -> list[str]:
+    """What the user should know about the light; `emitted` (3,) W by lamps and surfaces."""
+    warnings = []
+    unreached = [name for name in lit.direct.unreached if name != EmissiveTriangles.name]
+    if unreached:
+        warnings.append(
+            f"lights that reach no surface: {', '.join(map(repr, unreached))}; if one is inside of a wall or lamp "
+            "housing, move it out"
         )
-        if self.reflectors is None:
-            return nothing, nothing.copy(), flux, flux_again
-        receivers, weight = sample_receivers(self.n, self.area, reflectance, self.settings.seed)
-        sampled = np.flatnonzero(self.sample)[:ERROR_RECEIVERS]
-        self.monitor.phase("redistribute", len(receivers) + len(sampled))
-
-        def pass_on(patches: np.ndarray, unshot: np.ndarray, replicate: int) -> tuple[np.ndarray, int]:
-            found = redistribute(
-                self.scene,
-                self.reflectors,
-                unshot,
-                self.direct.valid,
-                patches,
-                self.settings,
-                replicate=replicate,
-                progress=self.monitor.advance,
-            )
-            return reflectance[patches] * found.irradiance, found.rays
-
-        scattered, rays = pass_on(receivers, self.unshot, 0)
-        self.rays += rays
-        again = np.full((self.n, 3), np.nan)
-        again[sampled], rays = pass_on(sampled, unshot_again, 1)
-        self.error_rays += rays
-        chosen = self.reflectors.is_chosen
-        arrived = (weight * self.area[receivers]) @ scattered
-        left = flux - self.area[chosen] @ self.unshot[chosen] + arrived
-        left_again = flux_again - self.area[chosen] @ unshot_again[chosen] + arrived
-        return scattered[: self.n], again, np.maximum(left, 0.0), np.maximum(left_again, 0.0)
-
-    def _ambient(self, r_ave: np.ndarray, left: np.ndarray) -> AmbientLight:
-        """The ambient light once `left` (3,) W of the scattered direct light is unshot."""
-        area = self.area.sum()
-        openness = float(np.clip(1.0 - self.area @ self.direct.hit_share / area, 0.0, 1.0)) if area > 0.0 else 0.0
-        if not area > 0.0:
-            irradiance = np.zeros(3)
-        elif self.light.ambient is Ambient.EMISSION:
-            scattered = self.area @ self.unshot
-            share = np.where(scattered > 0.0, left / np.where(scattered > 0.0, scattered, 1.0), 1.0)
-            irradiance = ambient_from_emission(self._emitted(), area, r_ave) * share
-        else:
-            irradiance = ambient_from_received(left, area, r_ave, openness)
-        return AmbientLight(irradiance, r_ave, openness, self.settings.use_bleeding)
-
-    def _radiosity(self) -> tuple[np.ndarray, np.ndarray, None]:
-        """All light by radiosity, or its indirect part; W/m^2."""
-        reflectance = self.materials.reflectance
-        per_patch = self._form_factor_rays()
-        self.monitor.phase("radiosity", int(per_patch.sum() + per_patch[: self.n][self.sample].sum()))
-
-        def factors(scene: LitScene, replicate: int) -> object:
-            return gather_form_factors(
-                scene,
-                per_patch,
-                self.direct.valid,
-                self.settings,
-                replicate=replicate,
-                progress=self.monitor.advance,
-                block_rays=self.block_rays,
-            )
-
-        found = factors(self.scene, 0)
-        self.rays += found.rays
-        indirect = solve_radiosity(found, reflectance, self.unshot, check=lambda: self.monitor.advance(0))
-        chosen = np.zeros(len(reflectance), bool)
-        chosen[: self.n] = self.sample
-        cells = self.scene.traced.cells.of_patches(chosen)
-        second = factors(replace(self.scene, traced=replace(self.scene.traced, cells=cells)), 1)
-        self.error_rays += second.rays
-        again = (reflectance * second.gather(self.unshot + indirect))[: self.n]
-        again[~self.sample] = np.nan
-        values = indirect[: self.n].copy()
-        if not self.light.indirect_only:
-            values += self.unshot[: self.n] + self.materials.emission[: self.n]
-            again += self.unshot_again[: self.n] + self.materials.emission[: self.n]
-        return values, again, None
-
-    def _form_factor_rays(self) -> np.ndarray:
-        """(p,) int: rays for a row of form factors."""
-        own = allocate_rays(self.scene.traced.cells.area[: self.n], self.settings)
-        return np.concatenate([own, np.full(len(self.others), self.settings.rays, np.int64)])
-
-    def _mean_reflectance(self) -> np.ndarray:
-        return mean_reflectance(
-            self.surfaces,
-            self.whole_area[: self.n],
-            self.direct.valid[: self.n],
-            self.materials.reflectance[: self.n],
+    if not lit.scene.sources and not lit.scene.world.any():
+        warnings.append("nothing shines on the scene, so its light is black: add a light, or bake OBSCURANCE")
+    from_emission = light.ambient is Ambient.EMISSION and light.quantity in _WITH_AMBIENT
+    if from_emission and lit.unshot.any() and not emitted.any():
+        warnings.append(
+            "ambient light is computed from what is emitted, but what shines (sun, world) has no known power, so "
+            "ambient light is black: use ambient light RECEIVED"
         )
-
-    def _lamp_warnings(self) -> list[str]:
-        """What the user should know about the light."""
-        warnings = []
-        unreached = [name for name in self.direct.unreached if name != EmissiveTriangles.name]
-        if unreached:
-            warnings.append(
-                f"lights that reach no surface: {', '.join(map(repr, unreached))}; if one is inside of a wall or lamp "
-                "housing, move it out"
-            )
-        if not self.scene.sources and not self.scene.world.any():
-            warnings.append("nothing shines on the scene, so its light is black: add a light, or bake OBSCURANCE")
-        from_emission = self.light.ambient is Ambient.EMISSION and self.light.quantity in _WITH_AMBIENT
-        if from_emission and self.unshot.any() and not self._emitted().any():
-            warnings.append(
-                "ambient light is computed from what is emitted, but what shines (sun, world) has no known power, so "
-                "ambient light is black: use ambient light RECEIVED"
-            )
-        return warnings
-
-    def _emitted(self) -> np.ndarray:
-        """Flux of lamps and surfaces, (3,) W."""
-        return self.whole_area @ self.materials.emission + sum(lamp.flux() for lamp in self.sources.lamps)
+    return warnings

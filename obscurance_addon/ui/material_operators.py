@@ -7,10 +7,10 @@ import bpy
 from ..blender.ambient_nodes import add_ambient, remove_ambient
 from ..blender.object_mode import ObjectModeGuard
 from ..core.errors import ObscuranceError
-from .operators import sentence
+from .operators import OnBakedMeshes, sentence
 
 
-class OBSCURANCE_OT_apply_in_materials(bpy.types.Operator):
+class OBSCURANCE_OT_apply_in_materials(OnBakedMeshes, bpy.types.Operator):
     """Show baked ambient light in the materials of the selected objects, or no longer"""
 
     bl_idname = "obscurance.apply_in_materials"
@@ -26,13 +26,6 @@ class OBSCURANCE_OT_apply_in_materials(bpy.types.Operator):
         ],
         options={"SKIP_SAVE"},
     )
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not any(ob.type == "MESH" for ob in context.selected_objects):
-            cls.poll_message_set("Select at least one mesh object that is baked")
-            return False
-        return True
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:

@@ -176,6 +176,17 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
         self.report({"INFO"}, report.summary())
 
 
+class OnBakedMeshes:
+    """Operators that need a selected mesh object."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not any(ob.type == "MESH" for ob in context.selected_objects):
+            cls.poll_message_set("Select at least one mesh object that is baked")
+            return False
+        return True
+
+
 def sentence(text: str) -> str:
     """A message of the core as Blender shows messages, with a capital letter."""
     return text[:1].upper() + text[1:]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..blender.ambient_nodes import shows_ambient
-from ..blender.baked_record import indirect_exposure
+from ..blender.baked_record import INDIRECT, indirect_exposure, what_is_stored
 from ..blender.viewport_shading import shows_result
 from ..core.native_library import why_missing
 from .material_operators import OBSCURANCE_OT_apply_in_materials
@@ -55,7 +55,7 @@ class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
         applied = first is not None and shows_ambient(first)
         settings = context.scene.obscurance
         ready = first is not None and indirect_exposure(first.data, settings.attribute_name) is not None
-        if applied or ready or settings.stores_indirect_light():
+        if applied or ready or what_is_stored(settings.to_light()) == INDIRECT:
             layout.operator(
                 OBSCURANCE_OT_apply_in_materials.bl_idname,
                 text="Remove from Materials" if applied else "Apply in Materials",

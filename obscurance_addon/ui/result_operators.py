@@ -8,7 +8,7 @@ from ..blender.export_copy import LAYERS, ExportFormat, copy_for_export
 from ..blender.object_mode import ObjectModeGuard
 from ..blender.viewport_shading import activate_result, hide_result, show_result, shows_result
 from ..core.errors import ObscuranceError
-from .operators import sentence
+from .operators import OnBakedMeshes, sentence
 
 _FORMATS = (
     (ExportFormat.GLTF, "glTF", "Make the copy that arrives as COLOR_0, with values limited to 1"),
@@ -50,7 +50,7 @@ class OBSCURANCE_OT_show_result(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class OBSCURANCE_OT_copy_for_export(bpy.types.Operator):
+class OBSCURANCE_OT_copy_for_export(OnBakedMeshes, bpy.types.Operator):
     """Copy the baked result of the selected objects into the color layer that an exporter understands"""
 
     bl_idname = "obscurance.copy_for_export"
@@ -62,13 +62,6 @@ class OBSCURANCE_OT_copy_for_export(bpy.types.Operator):
         description="Choose the file format to export to",
         items=[(value.value, label, tip) for value, label, tip in _FORMATS],
     )
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not any(ob.type == "MESH" for ob in context.selected_objects):
-            cls.poll_message_set("Select at least one mesh object that is baked")
-            return False
-        return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         export_format = ExportFormat(self.format)

@@ -307,9 +307,11 @@ def test_openness_does_not_hang_on_a_few_large_faces(n):
         1.0 - scene([field, block]).bake_light("AMBIENT", lamps, BakeSettings(64, seed=i)).ambient.openness
         for i in range(8)
     ]
-    assert np.std(found, ddof=1) < 0.06 * np.mean(found)
+    # The field is nearly all of the area: 4,096 random rays from it would have this standard deviation.
+    random = (np.mean(found) * (1.0 - np.mean(found)) / 4096) ** 0.5
+    assert np.std(found, ddof=1) < random
     fine = scene([floor((-5, -5), (5, 5), 32, 32), block]).bake_light("AMBIENT", lamps, BakeSettings(64))
-    assert np.mean(found) == pytest.approx(1.0 - fine.ambient.openness, rel=0.03)
+    assert abs(np.mean(found) - (1.0 - fine.ambient.openness)) < 5.0 * random / 8**0.5
 
 
 def spread_and_claim(s, lamps, quantity, seeds=12):

@@ -11,7 +11,7 @@ from .bake import Obscurances
 from .light_settings import Ambient, LightSettings
 from .lit_patches import LitPatches
 from .monitor import Monitor
-from .radiosity import FormFactors, gather_form_factors, solve_radiosity
+from .radiosity import gather_form_factors, solve_radiosity
 from .reflector_choice import Reflectors, choose_reflectors
 from .secondary_reflectors import redistribute, sample_receivers
 from .settings import BakeSettings
@@ -73,11 +73,13 @@ def light_by_radiosity(
     monitor.phase("radiosity", int(per_patch.sum() + per_patch[lit.baked][sample].sum()))
     progress = {"progress": monitor.advance, "block_rays": block_rays}
     factors = gather_form_factors(lit.scene, per_patch, lit.direct.valid, settings, **progress)
-    indirect = solve_radiosity(factors, reflectance, lit.unshot, check=lambda: monitor.advance(0))
-    second: FormFactors = gather_form_factors(
-        lit.sampled_scene(), per_patch, lit.direct.valid, settings, replicate=1, **progress
+    unshot_again = lit.unshot_filled()
+    indirect, indirect_again = (
+        solve_radiosity(factors, reflectance, unshot, check=lambda: monitor.advance(0))
+        for unshot in (lit.unshot, unshot_again)
     )
-    again = (reflectance * second.gather(lit.unshot + indirect))[lit.baked]
+    second = gather_form_factors(lit.sampled_scene(), per_patch, lit.direct.valid, settings, replicate=1, **progress)
+    again = (reflectance * second.gather(unshot_again + indirect_again))[lit.baked]
     again[~sample] = np.nan
     return IndirectLight(indirect[lit.baked].copy(), again, factors.rays, second.rays)
 
@@ -97,7 +99,7 @@ class _Passed:
 def _pass_on(lit: LitPatches, settings: BakeSettings, light: LightSettings, monitor: Monitor) -> _Passed:
     """Let the most important reflectors shoot what they scatter, and keep the books of what is unshot."""
     reflectance, area, n_baked = lit.materials.reflectance, lit.area, len(lit.sample)
-    unshot, unshot_again = lit.unshot, np.where(np.isnan(lit.unshot_again), lit.unshot, lit.unshot_again)
+    unshot, unshot_again = lit.unshot, lit.unshot_filled()
     reflectors = choose_reflectors(lit.scene.traced.cells, unshot, area, reflectance, light.reflectors)
     if reflectors is None:
         nothing = np.zeros((n_baked, 3))

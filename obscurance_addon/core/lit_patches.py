@@ -52,6 +52,10 @@ class LitPatches:
         """The patches to bake."""
         return slice(0, len(self.sample))
 
+    def unshot_filled(self) -> np.ndarray:
+        """`unshot_again` with `unshot` where there is none, (p, 3) float64."""
+        return np.where(np.isnan(self.unshot_again), self.unshot, self.unshot_again)
+
     def sampled_scene(self) -> LitScene:
         """The scene with rays leaving the sample only."""
         chosen = np.zeros(len(self.area), bool)

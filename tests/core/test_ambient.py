@@ -40,6 +40,12 @@ def lit(s, settings, **changes):
     return LitScene(traced, s.patches.ids, (), None, np.zeros(3), **changes)
 
 
+def over_seeds(values):
+    """Mean over independent seeds, and its standard error."""
+    values = np.asarray(values)
+    return values.mean(0), values.std(0, ddof=1) / len(values) ** 0.5
+
+
 def indirect(s, k=0, ambient="RECEIVED", settings=OPEN, **kw):
     return s.bake_light("AMBIENT", settings=settings, ambient=ambient, reflectors=k, **kw)
 
@@ -60,18 +66,20 @@ def test_ambient_light_of_a_furnace_is_exact(ambient, bleeding):
 def test_reflectors_neither_make_nor_lose_light(k):
     """In a closed room with rho = 1 the flux of indirect light is the same however many pass on what they receive."""
     s = furnace()
-    baked = indirect(s, k)
+    settings = [BakeSettings(64, distance=1e-6, seed=seed) for seed in range(16)]
+    baked = [indirect(s, k, settings=one) for one in settings]
+    mean, error = over_seeds([s.area @ b.radiance * np.pi for b in baked])
     exact = s.area.sum() * R * R * E / (1 - R)
-    np.testing.assert_allclose(s.area @ baked.radiance * np.pi, exact, rtol=1e-2)
-    assert baked.reflectors == k
+    assert np.all(np.abs(mean - exact) < 5.0 * error)
+    assert error.max() < 0.01 * exact.min()
+    assert {b.reflectors for b in baked} == {k}
 
 
 def test_all_as_reflectors_have_the_light_of_their_form_factors():
     """Every patch receives U sum F = U: with all passing on, each has the furnace's light again."""
     s = furnace()
     settings = [BakeSettings(64, distance=1e-6, seed=seed) for seed in range(16)]
-    found = np.array([indirect(s, 96, settings=one).radiance for one in settings]) * np.pi
-    mean, error = found.mean(0), found.std(0, ddof=1) / 4.0
+    mean, error = over_seeds([indirect(s, 96, settings=one).radiance * np.pi for one in settings])
     assert np.all(np.abs(mean - R * R * E / (1 - R)) < 6.0 * error)
     assert error.max() < 0.02 * mean.min()
 
@@ -85,10 +93,9 @@ def test_one_reflector_lights_by_the_form_factor_of_a_cube():
     exitance[0] = (1.0, 2.0, 0.0)
     area = np.ones(6)
     chosen = choose_reflectors(found.traced.cells, exitance, area, s.materials.reflectance, 1)
-    seeds = [
-        redistribute(found, chosen, exitance, area, np.arange(6), settings, replicate=i).irradiance for i in range(64)
-    ]
-    mean, error = np.mean(seeds, 0), np.std(seeds, 0, ddof=1) / 8.0
+    mean, error = over_seeds(
+        [redistribute(found, chosen, exitance, area, np.arange(6), settings, replicate=i).irradiance for i in range(64)]
+    )
     exact = np.array([0.0, OPPOSITE, *[ADJACENT] * 4])[:, None] * exitance[0]
     assert np.all(np.abs(mean - exact) < 5.0 * error + 1e-5)
     assert error.max() < 0.02
@@ -110,10 +117,11 @@ def test_radiosity_form_factors_are_those_of_a_cube():
 def test_radiosity_of_a_furnace():
     """B = E / (1 - R); the indirect part is what is left without E and R E."""
     s = furnace()
-    whole = s.bake_light("RADIOSITY", settings=BakeSettings(256))
-    np.testing.assert_allclose(whole.radiance * np.pi, np.tile(E / (1 - R), (96, 1)), rtol=0.01)
-    part = s.bake_light("RADIOSITY", settings=BakeSettings(256), indirect_only=True)
-    np.testing.assert_allclose(part.radiance * np.pi, np.tile(R * R * E / (1 - R), (96, 1)), rtol=0.01)
+    for indirect_only, exact in ((False, E / (1 - R)), (True, R * R * E / (1 - R))):
+        baked = s.bake_light("RADIOSITY", settings=BakeSettings(256), indirect_only=indirect_only)
+        error = np.sqrt(((baked.radiance * np.pi - exact) ** 2).mean(0))
+        assert np.all(error < 1.5 * np.pi * baked.rmse)  # 96 patches tell a deviation to 7 %, the claim likewise
+        assert np.all(np.pi * baked.rmse < 0.01 * exact)
 
 
 def test_solver_from_emission_alone_is_exact_where_rows_are():
@@ -135,7 +143,7 @@ def test_random_walk_in_a_furnace():
     s = furnace()
     found = np.array([walk(s, 20_000, seed)[0] for seed in range(16)])
     exact = R * E / (1 - R)
-    mean, error = found.mean(0), found.std(0, ddof=1) / 4.0
+    mean, error = over_seeds(found)
     assert np.all(np.abs(mean - exact) < 6.5 * error)  # Student's t, 288 comparisons
     flux = np.einsum("p,spk->sk", s.area, found) / s.area.sum()
     assert np.all(np.abs(flux.mean(0) - exact) < 5.0 * flux.std(0, ddof=1) / 4.0)
@@ -253,11 +261,15 @@ def test_surroundings_count_whether_they_are_baked_or_not():
     walls = room((0, 0, 0), (1, 1, 1), 8)
     block = box((0.3, 0.3, 0.2), (0.6, 0.6, 0.5), 3)
     lamps = [PointLamp("Lamp", [0.2, 0.2, 0.8], np.ones(3))]
-    settings = BakeSettings(256, distance=0.3)
-    alone = scene([block], [walls]).bake_light("COMBINED", lamps, settings)
-    both = scene([block, walls]).bake_light("COMBINED", lamps, settings)
-    np.testing.assert_allclose(alone.ambient.intensity(), both.ambient.intensity(), rtol=0.02)
-    np.testing.assert_allclose(alone.radiance, both.radiance[:54], rtol=0.03)
+    settings = [BakeSettings(64, distance=0.3, seed=seed) for seed in range(16)]
+    alone, both = (
+        [s.bake_light("COMBINED", lamps, one) for one in settings]
+        for s in (scene([block], [walls]), scene([block, walls]))
+    )
+    for value in (lambda b: b.ambient.intensity(), lambda b: b.radiance[:54]):
+        (one, e1), (two, e2) = over_seeds([value(b) for b in alone]), over_seeds([value(b) for b in both])
+        assert np.all(np.abs(one - two) < 6.0 * np.hypot(e1, e2))
+        assert np.all(np.hypot(e1, e2) < 0.05 * two)
 
 
 def test_small_patches_go_together():
@@ -393,9 +405,10 @@ def test_a_large_reflector_shines_by_its_near_part():
     """A block above a field of one face and of 32 x 32, lit without shadows: the same light comes up, within 5 %."""
     block = box((-0.5, -0.5, 0.1), (0.5, 0.5, 1.1), 4)
     lamps = [SunLamp("Sun", [0.6, 0.0, 0.8], np.ones(3), casts_shadow=False)]
-    means = []
+    found = []
     for n in (1, 32):
         s = scene([block], [floor((-4, -4), (4, 4), n, n)])
-        baked = s.bake_light("AMBIENT", lamps, BakeSettings(64), reflectors=4096)
-        means.append((s.area @ baked.radiance)[0])
-    assert means[0] == pytest.approx(means[1], rel=0.05)
+        baked = [s.bake_light("AMBIENT", lamps, BakeSettings(64, seed=i), reflectors=4096) for i in range(8)]
+        found.append(over_seeds([(s.area @ b.radiance)[0] for b in baked]))
+    (one, _), (two, _) = found
+    assert one == pytest.approx(two, rel=0.05)  # a ratio of means of visibility, whose bias falls with its 16 samples

@@ -18,6 +18,8 @@ from .settings import BakeSettings
 
 ERROR_RECEIVERS = 256  # patches that receive redistributed light twice, which fixes the error to 6 %
 
+ERROR_TOLERANCE = 0.02  # relative, of what the error of direct light makes of radiosity
+
 
 @dataclass(frozen=True)
 class IndirectLight:
@@ -74,12 +76,10 @@ def light_by_radiosity(
     progress = {"progress": monitor.advance, "block_rays": block_rays}
     factors = gather_form_factors(lit.scene, per_patch, lit.direct.valid, settings, **progress)
     unshot_again = lit.unshot_filled()
-    indirect, indirect_again = (
-        solve_radiosity(factors, reflectance, unshot, check=lambda: monitor.advance(0))
-        for unshot in (lit.unshot, unshot_again)
-    )
+    indirect = solve_radiosity(factors, reflectance, lit.unshot, check=lambda: monitor.advance(0))
+    change = solve_radiosity(factors, reflectance, unshot_again - lit.unshot, tolerance=ERROR_TOLERANCE)
     second = gather_form_factors(lit.sampled_scene(), per_patch, lit.direct.valid, settings, replicate=1, **progress)
-    again = (reflectance * second.gather(unshot_again + indirect_again))[lit.baked]
+    again = (reflectance * second.gather(unshot_again + indirect + change))[lit.baked]
     again[~sample] = np.nan
     return IndirectLight(indirect[lit.baked].copy(), again, factors.rays, second.rays)
 

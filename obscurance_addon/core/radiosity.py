@@ -134,6 +134,7 @@ def solve_radiosity(
     reflectance: np.ndarray,
     unshot: np.ndarray,
     check: Callable[[], None] = lambda: None,
+    tolerance: float = CONVERGED,
 ) -> np.ndarray:
     """Indirect radiosity I = R F (U + I) by Jacobi iteration.
 
@@ -146,6 +147,8 @@ def solve_radiosity(
         U, W/m^2: R H of the direct light; or the emission E itself, then I is all light but that.
     check : callable
         Called once per sweep; may raise to cancel.
+    tolerance : float
+        Relative change per sweep at which to stop.
 
     Returns
     -------
@@ -158,7 +161,7 @@ def solve_radiosity(
         following = reflectance * factors.gather(unshot + indirect)
         change = np.abs(following - indirect).sum()
         indirect = following
-        if change <= CONVERGED * np.abs(indirect).sum():
+        if change <= tolerance * np.abs(indirect).sum():
             break
     return indirect
 

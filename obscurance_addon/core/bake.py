@@ -202,7 +202,7 @@ def obscurances_in(
         error_rays=second.rays,
         sums=sums,
         seconds={"build": 0.0, "trace": traced - began},
-        warnings=_warnings(scene, d_max, normalisation.scale),
+        warnings=precision_warnings(scene, d_max, normalisation.scale),
     )
 
 
@@ -226,7 +226,7 @@ def _values(sums: ObscuranceSums, r_ave: np.ndarray, use_bleeding: bool) -> np.n
     return np.hstack([sums.coloured(r_ave) if use_bleeding else np.repeat(grey, 3, axis=1), grey])
 
 
-def _warnings(scene: TracedScene, d_max: float, scale: float) -> list[str]:
+def precision_warnings(scene: TracedScene, d_max: float, scale: float) -> list[str]:
     """What the user should know about the precision of this bake."""
     cells = scene.cells
     blurred = np.bincount(cells.patch, cells.offset * scale * MIN_OFFSETS_PER_DISTANCE > d_max) > 0

@@ -16,9 +16,9 @@ from .first_hits import pass_doubled_faces, starts_inside
 from .patch_samples import BLOCK_RAYS, PatchSamples
 from .ray_allocation import allocate_rays
 from .settings import BakeSettings
-from .traced_scene import FAR, TracedScene
+from .traced_scene import FAR, NEAR, TracedScene
 
-_MISS, _DROPPED = 4, 5  # columns of the cell sums behind rho R_red, rho R_green, rho R_blue, rho
+_MISS, _DROPPED, _NEARNESS = 4, 5, 6  # columns of the cell sums behind rho R_red, rho R_green, rho R_blue, rho
 
 Progress = Callable[[int], None]
 
@@ -38,12 +38,19 @@ class ObscuranceSums:
         Share of rays that did not start inside of a solid; 0 where a patch has no usable surface or is all inside.
     rays : int
         Number of rays cast, repeated ones included.
+    nearness : ndarray, (p,) float64, or None
+        Mean of 1 / distance over the rays, those that miss taken to d_max: the reciprocal of the harmonic mean
+        distance, in normalised units. Known where it was asked for, as is
+    nearest : ndarray, (p,) float64, or None
+        the shortest distance.
     """
 
     hit: np.ndarray
     miss: np.ndarray
     valid: np.ndarray
     rays: int
+    nearness: np.ndarray | None = None
+    nearest: np.ndarray | None = None
 
     def grey(self) -> np.ndarray:
         """Obscurances without colour (eq. 2), (p,) float64 in 0 .. 1; NaN for invalid patches."""
@@ -65,6 +72,7 @@ def gather_obscurances(
     replicate: int = 0,
     progress: Progress | None = None,
     block_rays: int = BLOCK_RAYS,
+    with_distances: bool = False,
 ) -> ObscuranceSums:
     """Cast the rays of all patches that have cells, and sum what they meet.
 
@@ -80,13 +88,15 @@ def gather_obscurances(
         Called from any thread with the number of rays just cast; may raise `BakeCancelledError`.
     block_rays : int
         Rays per task; the result does not depend on it.
+    with_distances : bool
+        Ask how far the surroundings are as well.
 
     Returns
     -------
     ObscuranceSums
         Bit for bit the same for any number of threads and any block size.
     """
-    caster = _Caster(scene, ids, settings, replicate, progress or _ignore, block_rays)
+    caster = _Caster(scene, ids, settings, replicate, progress or _ignore, block_rays, with_distances)
     caster.cast(np.arange(len(scene.cells.patch)))
     if scene.solid is not None:
         caster.recast_patches_inside_solids()
@@ -108,6 +118,7 @@ class _Caster:
         replicate: int,
         progress: Progress,
         block_rays: int,
+        with_distances: bool,
     ) -> None:
         self.scene = scene
         self.progress = progress
@@ -116,7 +127,8 @@ class _Caster:
         self.samples = PatchSamples(
             scene.cells, ids, allocate_rays(scene.cells.area, settings), settings, replicate, block_rays
         )
-        self.sums = np.zeros((6, len(scene.cells.patch)))
+        self.sums = np.zeros((6 + with_distances, len(scene.cells.patch)))
+        self.nearest = np.full(len(scene.cells.patch), FAR, np.float64) if with_distances else None
 
     def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
         """Add all rays of the cells (m,) int to their sums, in passes over the ray sequence."""
@@ -129,7 +141,7 @@ class _Caster:
         limit = FAR if unbounded else scene.limit
         limits = self.samples.scratch.array("limits", (len(origins),))
         limits.fill(limit)
-        if scene.needs_only_occlusion:
+        if scene.needs_only_occlusion and self.nearest is None:
             blocked = scene.intersector.occluded(origins, directions, limits).reshape(-1, n)
             self.sums[_MISS, cells] += n - np.count_nonzero(blocked, axis=1)
             self.progress(len(origins))
@@ -151,6 +163,10 @@ class _Caster:
         """Add what the rays met, by distance and colour, to the sums of their cells."""
         scene, sums = self.scene, self.sums
         met = triangle >= 0
+        if self.nearest is not None:
+            of_cell = np.maximum(distance, NEAR).reshape(-1, n)
+            sums[_NEARNESS, cells] += (1.0 / of_cell).sum(1)
+            self.nearest[cells] = np.minimum(self.nearest[cells], of_cell.min(1))
         distance *= scene.scale
         rho = apply_falloff(scene.falloff, distance)
         if dropped is not None:
@@ -183,6 +199,8 @@ class _Caster:
             suspect[patch[probes[self._probe(probes)]]] = True
         again = np.flatnonzero(suspect[patch])
         self.sums[:, again] = 0.0
+        if self.nearest is not None:
+            self.nearest[again] = FAR
         self.cast(again, unbounded=True)
 
     def _probe(self, cells: np.ndarray) -> np.ndarray:
@@ -202,4 +220,8 @@ class _Caster:
         ]
         valid = np.bincount(cells.patch, cells.weight, len(cells.area)) - columns[_DROPPED]
         valid[valid < 1e-9] = 0.0  # rounding left by weights whose rays were all dropped
-        return ObscuranceSums(np.stack(columns[:4], -1), columns[_MISS], valid, self.rays)
+        nearness = nearest = None
+        if self.nearest is not None:
+            nearness, nearest = columns[_NEARNESS], np.full(len(cells.area), FAR, np.float64)
+            np.minimum.at(nearest, cells.patch, self.nearest)
+        return ObscuranceSums(np.stack(columns[:4], -1), columns[_MISS], valid, self.rays, nearness, nearest)

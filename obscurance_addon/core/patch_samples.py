@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import threading
 from collections.abc import Callable
@@ -82,7 +83,7 @@ class PatchSamples:
             for first in range(0, int(end.max()), TABLE_ROWS):
                 low, high = np.maximum(start, first), np.minimum(end, first + TABLE_ROWS)
                 rows = min(TABLE_ROWS, int(end.max()) - first)
-                table = ray_table(self._sampler, self._seed, sets, first, rows, columns)
+                table = self._table(sets, first, rows, columns)
                 table = table.reshape(-1, table.shape[-1])
                 tasks = []
                 n_rays = np.maximum(high - low, 0)
@@ -106,7 +107,7 @@ class PatchSamples:
     def first_rows(self, cells: np.ndarray) -> np.ndarray:
         """The first sample of each cell (m,) int, (m, 1, 6) float32."""
         sets, row = self._point_sets(cells)
-        table = ray_table(self._sampler, self._seed, sets, 0, 1)
+        table = self._table(sets, 0, 1, DIRECTION)
         return self._take(table.reshape(-1, table.shape[-1]), row, 1)
 
     def origins(self, cells: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -119,10 +120,18 @@ class PatchSamples:
         out = self.scratch.array("directions", (*rows.shape[:2], 3))
         return np.matmul(rows[..., 3:6], self.cells.frames[cells][..., 3:], out=out).reshape(-1, 3)
 
+    def _table(self, sets: np.ndarray, first: int, count: int, columns: tuple[str, ...]) -> np.ndarray:
+        rest = (first, count, columns, not self.cells.are_parallelograms)
+        if len(sets) == SCRAMBLES:
+            return _whole_table(self._sampler, self._seed, *rest)
+        return ray_table(self._sampler, self._seed, sets, *rest)
+
     def _point_sets(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The point sets that the cells (m,) use, ascending, and for each cell the position of its set among them."""
+        """The point sets that the cells (m,) need, ascending, and for each cell the position of its set among them."""
         scramble = self._scramble[self.cells.patch[cells]]
         used = np.bincount(scramble, minlength=SCRAMBLES) > 0
+        if np.count_nonzero(used) > SCRAMBLES // 2:  # then all of them, whose tables are kept for the next cells
+            used[:] = True
         return np.flatnonzero(used), (np.cumsum(used) - 1)[scramble]
 
     def _take(self, table: np.ndarray, base: np.ndarray, n: int) -> np.ndarray:
@@ -135,6 +144,12 @@ class PatchSamples:
             index = (base[:, None] + np.arange(n)).ravel()
             np.take(table, index, axis=0, mode="clip", out=rows.reshape(-1, width))
         return rows.reshape(m, n, width)
+
+
+@functools.lru_cache(maxsize=8)  # of at most 6 MB each: the bands of a lightmap ask for the same ones
+def _whole_table(sampler: Sampler, seed: int, *arguments: object) -> np.ndarray:
+    """`ray_table` of all point sets; nobody may write to it."""
+    return ray_table(sampler, seed, np.arange(SCRAMBLES), *arguments)
 
 
 def scramble_of(ids: np.ndarray, seed: int) -> np.ndarray:

@@ -221,6 +221,8 @@ class Cells:
         Share of the patch's area.
     area : ndarray, (p,) float64
         Usable area of each patch, normalised units squared.
+    are_parallelograms : bool
+        The cells are parallelograms with the edges that `frames` name, instead of triangles.
     """
 
     frames: np.ndarray
@@ -228,6 +230,7 @@ class Cells:
     patch: np.ndarray
     weight: np.ndarray
     area: np.ndarray
+    are_parallelograms: bool = False
 
     def of_patches(self, chosen: np.ndarray) -> Cells:
         """The cells of some patches, (p,) bool; the others are left without cells."""

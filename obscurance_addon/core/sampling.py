@@ -155,9 +155,15 @@ def orthonormal_frames(normals: np.ndarray) -> np.ndarray:
 
 
 def ray_table(
-    sampler: Sampler, seed: int, scrambles: np.ndarray, first: int, count: int, columns: tuple[str, ...] = DIRECTION
+    sampler: Sampler,
+    seed: int,
+    scrambles: np.ndarray,
+    first: int,
+    count: int,
+    columns: tuple[str, ...] = DIRECTION,
+    on_triangle: bool = True,
 ) -> np.ndarray:
-    """Samples `first` .. `first + count - 1` of the point sets named by `scrambles`, mapped to triangle and hemisphere.
+    """Samples `first` .. `first + count - 1` of the point sets named by `scrambles`, mapped to cell and hemisphere.
 
     Parameters
     ----------
@@ -171,15 +177,17 @@ def ray_table(
         Range of the sequence.
     columns : tuple of str
         DIRECTION or UNIT.
+    on_triangle : bool
+        Cells are triangles; else parallelograms, of which b1 and b2 cover the whole unit square.
 
     Returns
     -------
     ndarray, (s, count, 6 or 5) float32
-        Columns b1, b2, 1 (position on the triangle) and x, y, z (direction about the normal), or u, v in 0 .. 1.
+        Columns b1, b2, 1 (position on the cell) and x, y, z (direction about the normal), or u, v in 0 .. 1.
     """
     unit = unit_points(sampler, seed, scrambles, first, count)
     table = np.empty((len(scrambles), count, 3 + len(columns)), np.float32)
-    table[..., 0:2] = sample_triangle(unit[..., 0:2])
+    table[..., 0:2] = sample_triangle(unit[..., 0:2]) if on_triangle else unit[..., 0:2]
     table[..., 2] = 1.0
     table[..., 3:] = unit[..., 2:4] if columns is UNIT else sample_cosine_hemisphere(unit[..., 2:4])
     return table

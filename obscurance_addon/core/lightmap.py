@@ -1,0 +1,264 @@
+"""One bake of a lightmap: each covered texel of an atlas is a patch.
+
+Rows of a page are worked through band by band, so that memory beside the pages does not grow with them. What a texel's
+value is, and when it is known, is the business of an estimator; this file finds texels, keeps pages and margins.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from .atlas_triangles import AtlasTriangles
+from .errors import GeometryError
+from .lightmap_settings import LightmapSettings
+from .monitor import Monitor
+from .patches import Normalisation
+from .settings import MIN_RAYS_PER_PATCH, BakeSettings
+from .texel_filling import dilate, fill_inside_charts
+from .texels import Texels, covered_texels
+
+ERROR_SAMPLE = 4096  # texels, about, that are traced twice more: enough to fix the RMSE to a few percent
+REPLICATES = (1, 2)  # of the points that tell the error; 0 is the bake
+MOST_OVERLAPS = 1000  # pairs of faces that are told
+_BAND_TEXELS = 1 << 18  # at least, so that a band keeps all threads busy
+_BAND_ROWS = 64  # at least, a multiple of the coarsest stride of sparse texels
+
+
+@dataclass(frozen=True)
+class AtlasLayout:
+    """Where the t triangles to bake lie in an atlas.
+
+    Attributes
+    ----------
+    corners : ndarray, (t, 3, 3) float64
+        World positions in metres, counter-clockwise seen from outside.
+    uv : ndarray, (t, 3, 2) float64
+        Within the page, 0 .. 1.
+    page : ndarray, (t,) int
+        -1 for triangles without a place.
+    chart : ndarray, (t,) int
+        Numbered over all pages.
+    face : ndarray, (t,) int
+        The face patch of which each is a part.
+    pages : int
+    """
+
+    corners: np.ndarray
+    uv: np.ndarray
+    page: np.ndarray
+    chart: np.ndarray
+    face: np.ndarray
+    pages: int
+
+    def triangles(self, size: int, normalisation: Normalisation) -> AtlasTriangles:
+        """The triangles in texels of pages of this size.
+
+        Raises
+        ------
+        GeometryError
+            When none has a place.
+        """
+        found = AtlasTriangles.of(self.corners, self.uv * size, self.page, self.chart, self.face, normalisation)
+        if not len(found):
+            raise GeometryError("no face has an area in the UV map: unwrap anew, or choose another UV map")
+        return found
+
+
+class TexelEstimator(Protocol):
+    """What finds the values of texels. Four numbers stand for each until `finish` turns them into a colour."""
+
+    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Values (n, 4) of the first n texels, and their shares outside of solids (n,).
+
+        `rows` are those of the page in which all texels lie; the others may help to interpolate.
+        """
+
+    def repeat(self, texels: Texels, chosen: np.ndarray, replicate: int) -> np.ndarray:
+        """Values (m, 4) of the texels `chosen` (m,) from other samples."""
+
+    def finish(self, values: np.ndarray) -> None:
+        """Turn values (k, 4) into colours in place, in the first three columns; once all texels are estimated."""
+
+    def open_color(self) -> np.ndarray:
+        """(3,): the colour of a texel that nothing is known of."""
+
+
+@dataclass
+class TexelCounts:
+    """What was found of the texels of an atlas, band by band.
+
+    Attributes
+    ----------
+    texels, invalid : int
+        Covered ones, and those of them that lie inside of solids or have no usable surface.
+    area, hidden : ndarray, (f,) float64
+        Covered area of each face patch, and what of it lies inside of solids; normalised units squared.
+    overlap : dict of tuple of int to int
+        Number of texels that two faces cover, by their patches.
+    sample : list of tuple of three ndarray, (m, 4)
+        Values of some texels, and twice from other samples.
+    """
+
+    area: np.ndarray
+    hidden: np.ndarray
+    texels: int = 0
+    invalid: int = 0
+    overlap: dict[tuple[int, int], int] = field(default_factory=dict)
+    sample: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=list)
+
+    def exposed(self) -> np.ndarray:
+        """Share of each face outside of solids, (f,); 1 for faces without texels."""
+        return 1.0 - self.hidden / np.where(self.area > 0.0, self.area, 1.0)
+
+    def add(self, texels: Texels, valid: np.ndarray) -> None:
+        """Count the first n texels of a band, with their shares outside of solids (n,)."""
+        n, n_faces = len(valid), len(self.area)
+        face, area = texels.face[:n], texels.area[:n]
+        self.texels += n
+        self.invalid += int(np.count_nonzero(valid <= 0.0))
+        self.area += np.bincount(face, area, n_faces)
+        self.hidden += np.bincount(face, area * (1.0 - valid), n_faces)
+        pair = np.flatnonzero((texels.overlap[1:] == texels.overlap[:-1]) & (texels.overlap[1:] < n))
+        faces = np.stack([texels.overlap_face[pair], texels.overlap_face[pair + 1]], 1)
+        for (one, other), count in zip(*_counted(faces), strict=True):
+            if (one, other) in self.overlap or len(self.overlap) < MOST_OVERLAPS:
+                self.overlap[one, other] = self.overlap.get((one, other), 0) + count
+
+    def rmse(self, finish: Callable[[np.ndarray], None]) -> np.ndarray:
+        """Root mean square error (3,) of the colours that `finish` makes of values, interpolation included.
+
+        The two repetitions are independent of the value and of each other, so that the mean of the product of the
+        differences is free of their own noise.
+        """
+        if not self.sample:
+            return np.zeros(3)
+        value, one, other = (np.concatenate(part) for part in zip(*self.sample, strict=True))
+        for part in (value, one, other):
+            finish(part)
+        return np.sqrt(np.maximum(((value - one) * (value - other)).mean(0)[:3], 0.0))
+
+
+def rays_per_texel(settings: BakeSettings, texels: float) -> BakeSettings:
+    """Settings without a ray budget: it is shared out over the texels, whose areas are alike."""
+    if settings.ray_budget is None:
+        return settings
+    share = max(settings.ray_budget / max(texels, 1.0), MIN_RAYS_PER_PATCH)
+    return replace(settings, rays=2 ** int(np.log2(share)), ray_budget=None)
+
+
+def estimate_pages(
+    triangles: AtlasTriangles,
+    pages: int,
+    n_faces: int,
+    lightmap: LightmapSettings,
+    estimator: TexelEstimator,
+    monitor: Monitor,
+) -> tuple[list[np.ndarray], TexelCounts]:
+    """Find the colour of every texel of an atlas.
+
+    Parameters
+    ----------
+    triangles : AtlasTriangles
+    pages, n_faces : int
+        Numbers of pages and of face patches.
+    lightmap : LightmapSettings
+    estimator : TexelEstimator
+    monitor : Monitor
+        In a phase whose total is `triangles.texels()`.
+
+    Returns
+    -------
+    pages : list of AtlasPage
+        Unfinished.
+    counts : TexelCounts
+    """
+    size = lightmap.size
+    counts = TexelCounts(np.zeros(n_faces), np.zeros(n_faces))
+    share = ERROR_SAMPLE / max(triangles.texels(), 1.0)
+    estimated = []
+    for number in range(pages):
+        page = AtlasPage.empty(size, on_disk=pages > 1)
+        for texels, n, rows in _bands(triangles, size, number):
+            values, valid = estimator.estimate(texels, n, rows)
+            sampled = np.flatnonzero((texels.ids[:n] < share * 2.0**32) & (valid > 0.0))
+            if len(sampled):
+                counts.sample.append((values[sampled], *(estimator.repeat(texels, sampled, k) for k in REPLICATES)))
+            counts.add(texels, valid)
+            page.put(texels.index[:n], values, texels.chart[:n], valid > 0.0)
+            monitor.advance(n)
+        estimated.append(page)
+    return estimated, counts
+
+
+@dataclass
+class AtlasPage:
+    """One page while it is being filled.
+
+    Attributes
+    ----------
+    pixels : ndarray, (size * size, 4) float32
+    chart : ndarray, (size * size,) int32
+        -1 for empty texels.
+    size : int
+    missing : list of ndarray of int64
+        Covered texels without a value of their own.
+    """
+
+    pixels: np.ndarray
+    chart: np.ndarray
+    size: int
+    missing: list[np.ndarray] = field(default_factory=list)
+
+    @classmethod
+    def empty(cls, size: int, on_disk: bool) -> AtlasPage:
+        """A page without values, kept in a temporary file if it is one of many."""
+
+        def array(shape: tuple[int, ...], dtype: type) -> np.ndarray:
+            if not on_disk:
+                return np.zeros(shape, dtype)
+            with tempfile.TemporaryFile() as file:
+                return np.memmap(file, dtype, "w+", shape=shape)
+
+        chart = array((size * size,), np.int32)
+        chart[:] = -1
+        return cls(array((size * size, 4), np.float32), chart, size)
+
+    def put(self, texel: np.ndarray, values: np.ndarray, chart: np.ndarray, valid: np.ndarray) -> None:
+        """Set texels (n,) to values (n, 4), and note their charts, and which of them have no value after all."""
+        self.pixels[texel], self.chart[texel] = values, chart
+        self.missing.append(texel[~valid])
+
+    def finish(self, estimator: TexelEstimator, margin: int, check: Callable[[], None]) -> np.ndarray:
+        """Turn values into colours and continue them into what has none; (size, size, 4) float32, bottom row first."""
+        for at in range(0, len(self.pixels), _BAND_TEXELS):
+            check()
+            estimator.finish(self.pixels[at : at + _BAND_TEXELS])
+        missing = np.concatenate(self.missing or [np.zeros(0, np.int64)])
+        alone = fill_inside_charts(self.pixels, self.chart, missing, self.size)
+        self.pixels[alone, :3] = estimator.open_color()
+        dilate(self.pixels, self.chart, self.size, margin)
+        self.pixels[:, 3] = self.chart >= 0
+        self.pixels[self.chart < 0, :3] = 0.0
+        return self.pixels.reshape(self.size, self.size, 4)
+
+
+def _bands(triangles: AtlasTriangles, size: int, page: int) -> Iterator[tuple[Texels, int, tuple[int, int]]]:
+    """Covered texels of some rows and of the row above them, the number of those below it, and the rows."""
+    height = max(_BAND_ROWS, _BAND_TEXELS // size)
+    for first in range(0, size, height):
+        rows = (first, min(first + height + 1, size))
+        texels = covered_texels(triangles, size, page, rows)
+        n = int(np.searchsorted(texels.index, (first + height) * size))
+        if n:
+            yield texels, n, rows
+
+
+def _counted(pairs: np.ndarray) -> tuple[list[tuple[int, int]], list[int]]:
+    """Distinct rows of pairs (m, 2), and how often each is there."""
+    pairs, times = np.unique(pairs, axis=0, return_counts=True)
+    return [(int(one), int(other)) for one, other in pairs], times.tolist()

@@ -1,0 +1,190 @@
+"""One bake of obscurances into a lightmap."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .adaptive_texels import AdaptiveTexels
+from .ambient import mean_reflectance
+from .bake import precision_warnings
+from .embree import EmbreeIntersector
+from .lightmap import AtlasLayout, TexelCounts, estimate_pages, rays_per_texel
+from .lightmap_settings import LightmapSettings
+from .monitor import Monitor
+from .patch_samples import BLOCK_RAYS
+from .patches import Patches, Surfaces
+from .ray_casting import Intersector
+from .scene_building import build_scene
+from .settings import BakeSettings
+from .texel_obscurances import TexelTracer
+from .texels import Texels
+
+
+@dataclass(frozen=True)
+class Lightmap:
+    """What a bake of a lightmap computed.
+
+    Attributes
+    ----------
+    pages : list of ndarray, (size, size, 4) float32
+        Colour, the bottom row first; alpha is 1 where there is a value, margins included, else 0.
+    counts : TexelCounts
+        `counts.texels` were covered, of which
+    traced : int
+        cast rays of their own; the others were interpolated.
+    use : float
+        Share of the pages that is covered.
+    r_ave : ndarray, (3,) float64
+    rmse : ndarray, (3,) float64
+        Estimated root mean square error of the colours, interpolation included.
+    d_max : float
+        Metres.
+    rays, error_rays : int
+    seconds : dict of str to float
+        Per phase: build, trace, margin.
+    warnings : list of str
+    """
+
+    pages: list[np.ndarray]
+    counts: TexelCounts
+    traced: int
+    use: float
+    r_ave: np.ndarray
+    rmse: np.ndarray
+    d_max: float
+    rays: int
+    error_rays: int
+    seconds: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+
+def bake_lightmap(
+    surfaces: Surfaces,
+    patches: Patches,
+    layout: AtlasLayout,
+    settings: BakeSettings,
+    lightmap: LightmapSettings,
+    *,
+    white: bool = True,
+    patch_reflectance: np.ndarray | None = None,
+    monitor: Monitor | None = None,
+    intersector: Callable[..., Intersector] = EmbreeIntersector,
+    block_rays: int = BLOCK_RAYS,
+) -> Lightmap:
+    """Compute the obscurances of texels among surfaces.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+        All that rays can hit, what is baked included.
+    patches : Patches
+        The faces to bake, whole.
+    layout : AtlasLayout
+    settings : BakeSettings
+        `rays` are for each texel.
+    lightmap : LightmapSettings
+    white : bool
+        An open texel is white (W / R_ave); else it has the value of the paper (W).
+    patch_reflectance : ndarray, (f, 3) float64, optional
+        As for `bake.bake_obscurances`.
+    monitor, intersector, block_rays
+        As for `bake.bake_obscurances`.
+
+    Raises
+    ------
+    GeometryError
+        When there is nothing to bake.
+    BakeCancelledError
+        When the monitor says so.
+    """
+    monitor = monitor or Monitor()
+    began = time.perf_counter()
+    scene, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector)
+    triangles = layout.triangles(lightmap.size, normalisation)
+    built = time.perf_counter()
+    face_area = scene.cells.area * normalisation.scale**2
+    estimator = _Obscurances(
+        TexelTracer(
+            scene,
+            rays_per_texel(settings, triangles.texels()),
+            _as_grey(surfaces, settings, white),
+            lambda _rays: monitor.advance(0),
+            block_rays,
+        ),
+        white,
+        _open_value(mean_reflectance(surfaces, face_area, np.ones(len(patches)), None), settings, white),
+        lightmap,
+    )
+    monitor.phase("trace", int(triangles.texels()))
+    pages, counts = estimate_pages(triangles, layout.pages, len(patches), lightmap, estimator, monitor)
+    traced = time.perf_counter()
+    r_ave = mean_reflectance(surfaces, face_area, counts.exposed(), patch_reflectance)
+    estimator.open_value = _open_value(r_ave, settings, white)
+    finished = [page.finish(estimator, lightmap.margin_texels, lambda: monitor.advance(0)) for page in pages]
+    return Lightmap(
+        pages=finished,
+        counts=counts,
+        traced=estimator.traced,
+        use=counts.texels / (layout.pages * lightmap.size**2),
+        r_ave=r_ave,
+        rmse=counts.rmse(estimator.finish),
+        d_max=d_max,
+        rays=estimator.tracer.rays - estimator.error_rays,
+        error_rays=estimator.error_rays,
+        seconds={"build": built - began, "trace": traced - built, "margin": time.perf_counter() - traced},
+        warnings=precision_warnings(scene, d_max, normalisation.scale),
+    )
+
+
+def _as_grey(surfaces: Surfaces, settings: BakeSettings, white: bool) -> np.ndarray:
+    """(3,) bool: channels in which W is taken without colour, because there is none to relate it to."""
+    if not settings.use_bleeding:
+        return np.ones(3, bool)
+    return white & ~(surfaces.reflectance > 0.0).any(0)
+
+
+def _open_value(r_ave: np.ndarray, settings: BakeSettings, white: bool) -> np.ndarray:
+    """W of a texel whose rays all miss, (3,)."""
+    if not settings.use_bleeding:
+        return np.ones(3)
+    return np.where(white & (r_ave <= 0.0), 1.0, r_ave)
+
+
+class _Obscurances:
+    """Estimates obscurances; `open_value` (3,) may be a guess until the texels are finished."""
+
+    def __init__(self, tracer: TexelTracer, white: bool, open_value: np.ndarray, lightmap: LightmapSettings) -> None:
+        self.tracer, self.open_value = tracer, open_value
+        self.traced = self.error_rays = 0
+        self._white = white
+        self._adaptive = AdaptiveTexels(tracer, open_value, lightmap.error_bound) if lightmap.adaptive else None
+
+    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        if self._adaptive is None:
+            found = self.tracer.trace(texels, np.arange(n))
+            self.traced += n
+            return found.values, found.valid
+        band = self._adaptive.interpolate(texels, rows)
+        left = np.flatnonzero(~(band.known | band.between)[:n])
+        found = self.tracer.trace(texels, left)
+        band.values[left], band.valid[left] = found.values, found.valid
+        self.traced += n - int(np.count_nonzero((band.between & ~band.known)[:n]))
+        return band.values[:n], band.valid[:n]
+
+    def repeat(self, texels: Texels, chosen: np.ndarray, replicate: int) -> np.ndarray:
+        before = self.tracer.rays
+        values = self.tracer.trace(texels, chosen, replicate=replicate).values
+        self.error_rays += self.tracer.rays - before
+        return values
+
+    def finish(self, values: np.ndarray) -> None:
+        values[:, :3] += values[:, 3:] * self.open_value.astype(values.dtype)
+        if self._white:
+            values[:, :3] /= self.open_value.astype(values.dtype)
+
+    def open_color(self) -> np.ndarray:
+        return np.ones(3) if self._white else self.open_value

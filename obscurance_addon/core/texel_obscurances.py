@@ -1,0 +1,111 @@
+"""Obscurances of chosen texels, in a form that stays linear until R_ave is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .obscurance import ObscuranceSums, gather_obscurances
+from .patches import Cells
+from .settings import BakeSettings
+from .texels import Texels
+from .traced_scene import TracedScene
+
+
+@dataclass(frozen=True)
+class TexelValues:
+    """What rays from m texels met, over the part of each outside of solids.
+
+    Attributes
+    ----------
+    values : ndarray, (m, 4) float64
+        Mean of rho R per RGB channel over rays that hit, times their share, and the share of rays that missed: W is
+        the first three plus the fourth times R_ave. 0 for texels inside of solids.
+    valid : ndarray, (m,) float64
+        Share of each texel outside of solids.
+    nearness, nearest : ndarray, (m,) float64, or None
+        As of `ObscuranceSums`.
+    """
+
+    values: np.ndarray
+    valid: np.ndarray
+    nearness: np.ndarray | None = None
+    nearest: np.ndarray | None = None
+
+
+@dataclass
+class TexelTracer:
+    """Casts the rays of texels and counts them.
+
+    Parameters
+    ----------
+    scene : TracedScene
+        Its own cells are not used.
+    settings : BakeSettings
+        `rays` for each texel.
+    as_grey : ndarray, (3,) bool
+        Channels for which rho stands alone, without a colour.
+    progress : callable
+        Called with the number of rays just cast.
+    block_rays : int
+    """
+
+    scene: TracedScene
+    settings: BakeSettings
+    as_grey: np.ndarray
+    progress: Callable[[int], None]
+    block_rays: int
+    rays: int = 0
+
+    def trace(
+        self, texels: Texels, chosen: np.ndarray, *, factor: int = 1, replicate: int = 0, with_distances: bool = False
+    ) -> TexelValues:
+        """Values of the texels `chosen` (m,) int, ascending, from `factor` times the usual number of rays."""
+        settings = replace(self.settings, rays=self.settings.rays * factor)
+        sums = [
+            gather_obscurances(
+                replace(self.scene, cells=cells),
+                texels.ids[chosen],
+                settings,
+                replicate=replicate,
+                progress=self.progress,
+                block_rays=self.block_rays,
+                with_distances=with_distances,
+            )
+            for cells in chosen_cells(texels, chosen)
+        ]
+        self.rays += sum(part.rays for part in sums)
+        return self._joined(*sums)
+
+    def _joined(self, whole: ObscuranceSums, parts: ObscuranceSums) -> TexelValues:
+        hit, miss, valid = whole.hit + parts.hit, whole.miss + parts.miss, whole.valid + parts.valid
+        values = np.empty((len(valid), 4))
+        values[:, :3] = np.where(self.as_grey, hit[:, 3:], hit[:, :3])
+        values[:, 3] = miss
+        values /= np.where(valid > 0.0, valid, np.inf)[:, None]
+        if whole.nearness is None:
+            return TexelValues(values, valid)
+        return TexelValues(values, valid, whole.nearness + parts.nearness, np.minimum(whole.nearest, parts.nearest))
+
+
+def chosen_cells(texels: Texels, chosen: np.ndarray) -> tuple[Cells, Cells]:
+    """The parallelograms and the triangles of the texels `chosen` (m,) int, which are numbered anew."""
+    number = np.full(len(texels), -1)
+    number[chosen] = np.arange(len(chosen))
+    found = []
+    for cells in (texels.whole, texels.parts):
+        patch = number[cells.patch]
+        kept = np.flatnonzero(patch >= 0)
+        found.append(
+            replace(
+                cells,
+                frames=cells.frames[kept],
+                offset=cells.offset[kept],
+                patch=patch[kept],
+                weight=cells.weight[kept],
+                area=cells.area[chosen],
+            )
+        )
+    return found[0], found[1]

@@ -1,0 +1,297 @@
+"""The texels of an atlas as patches: exactly the parts of triangles that each of them covers.
+
+A texel that lies in one triangle is a parallelogram on the surface. Others are cut along the edges of the triangles
+that cross them, so that a texel at the border of a chart is just what the chart covers of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .atlas_triangles import AtlasTriangles
+from .patches import Cells
+from .sobol import hash32
+
+MIN_COVER = 1e-6  # share of a texel below which it counts as not covered
+OVERLAP = 1e-3  # by how much parts may exceed a texel before they overlap
+_SLICE = 1 << 15  # texels clipped at once: they stay in the cache
+_MOST_CORNERS = 7  # of a square cut by a triangle
+
+
+@dataclass(frozen=True)
+class Texels:
+    """The n covered texels of some rows of a page.
+
+    Attributes
+    ----------
+    index : ndarray, (n,) int64
+        row x size + column on the page, ascending.
+    page : int
+    size : int
+        Of the page.
+    chart : ndarray, (n,) int32
+    face : ndarray, (n,) int64
+        The face patch that covers most of each.
+    cover : ndarray, (n,) float64
+        Covered share, 0 .. 1.
+    area : ndarray, (n,) float64
+        Of the covered part on the surface, normalised units squared.
+    position, normal : ndarray, (n, 3) float64
+        Centre and mean unit normal of the covered part, normalised coordinates.
+    whole, parts : Cells
+        Parallelograms and triangles; their patches are texels, and each texel has cells of one kind only.
+    overlap : ndarray, (m,) int64
+        Texels that several parts of the surface cover, counted from 0 in `index`, once for each face.
+    overlap_face : ndarray, (m,) int64
+    """
+
+    index: np.ndarray
+    page: int
+    size: int
+    chart: np.ndarray
+    face: np.ndarray
+    cover: np.ndarray
+    area: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    whole: Cells
+    parts: Cells
+    overlap: np.ndarray
+    overlap_face: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    @property
+    def ids(self) -> np.ndarray:
+        """Stable identity of each texel, (n,) uint32."""
+        return hash32(self.index.astype(np.uint32) ^ hash32(np.uint32(self.page)))
+
+
+def covered_texels(triangles: AtlasTriangles, size: int, page: int, rows: tuple[int, int]) -> Texels:
+    """Find the covered texels of the rows `rows[0]` .. `rows[1] - 1` of a page of `size` x `size` texels."""
+    low, high = triangles.uv[..., 1].min(1), triangles.uv[..., 1].max(1)
+    chosen = np.flatnonzero((triangles.page == page) & (low < rows[1]) & (high > rows[0]))
+    triangles = triangles.only(chosen)
+    inner, outer = _spans(triangles.uv, rows, size)
+    whole_triangle, whole_x, whole_y = inner
+    polygon, corners, triangle, x, y = _cut(triangles.uv, *outer)
+    cover = np.concatenate([np.ones(len(whole_x)), _polygon_areas(polygon, corners)])
+    triangle, x, y = (np.concatenate(pair) for pair in ((whole_triangle, triangle), (whole_x, x), (whole_y, y)))
+    kept = np.flatnonzero(cover > MIN_COVER)
+    texel, triangle, cover = (y * size + x)[kept], triangle[kept], cover[kept]
+    index, texel = np.unique(texel, return_inverse=True)
+    n = len(index)
+    crowded = np.bincount(texel, cover, n) > 1.0 + OVERLAP
+    overlap = np.unique(np.stack([texel, triangles.face[triangle]], 1)[crowded[texel]], axis=0)
+    is_whole = kept < len(whole_x)
+    chosen = _winners(texel, triangles.chart[triangle], cover, is_whole)
+    texel, triangle, cover, is_whole, kept = (a[chosen] for a in (texel, triangle, cover, is_whole, kept))
+    area = cover * triangles.texel_area[triangle]
+    whole = _parallelograms(triangles, triangle[is_whole], index[texel[is_whole]], size)
+    part = np.flatnonzero(~is_whole)
+    polygon_of = kept[part] - len(whole_x)
+    fans, owner = _fans(triangles, triangle[part], polygon[polygon_of], corners[polygon_of])
+    total = np.bincount(texel, area, n)
+    centre = np.empty((len(texel), 3))
+    centre[is_whole] = whole[:, 2] + 0.5 * (whole[:, 0] + whole[:, 1])
+    centre[part] = _fan_centres(fans, owner, len(part))
+    normal = triangles.frame[triangle, 2].astype(np.float64)
+    mean_normal = _sums(texel, area[:, None] * normal, n)
+    first = np.lexsort((-cover, texel))
+    first = first[np.searchsorted(texel[first], np.arange(n))]
+    return Texels(
+        index=index,
+        page=page,
+        size=size,
+        chart=triangles.chart[triangle[first]],
+        face=triangles.face[triangle[first]],
+        cover=np.minimum(np.bincount(texel, cover, n), 1.0),
+        area=total,
+        position=_sums(texel, area[:, None] * centre, n) / total[:, None],
+        normal=mean_normal / np.maximum(np.linalg.norm(mean_normal, axis=1), np.finfo(float).tiny)[:, None],
+        whole=_cells(triangles, whole, triangle[is_whole], texel[is_whole], total, None),
+        parts=_cells(triangles, fans, triangle[part][owner], texel[part][owner], total, _double_areas(fans) / 2.0),
+        overlap=overlap[:, 0],
+        overlap_face=overlap[:, 1],
+    )
+
+
+def _spans(uv: np.ndarray, rows: tuple[int, int], size: int) -> tuple[tuple, tuple]:
+    """(triangle, x, y) of texels wholly in a triangle, and of those that are partly in it, within the rows."""
+    bottom = np.maximum(np.floor(uv[..., 1].min(1)), rows[0]).astype(np.int64)
+    top = np.minimum(np.ceil(uv[..., 1].max(1)), rows[1]).astype(np.int64)
+    triangle, line = _ranges(bottom, top + 1)
+    left, right = _crossings(uv[triangle], line)
+    is_row = np.flatnonzero(line < top[triangle])  # the line above belongs to the same triangle
+    triangle, y = triangle[is_row], line[is_row]
+    corner_x, corner_y = uv[triangle, :, 0], uv[triangle, :, 1]
+    within = (corner_y >= y[:, None]) & (corner_y <= y[:, None] + 1)
+    far_left = np.where(within, corner_x, np.inf).min(1)
+    far_right = np.where(within, corner_x, -np.inf).max(1)
+    below, above = left[is_row], left[is_row + 1]
+    first = np.ceil(np.maximum(below, above))
+    outer_first = np.floor(np.minimum(np.minimum(below, above), far_left))
+    below, above = right[is_row], right[is_row + 1]
+    end = np.floor(np.minimum(below, above))
+    outer_end = np.ceil(np.maximum(np.maximum(below, above), far_right))
+    first, end, outer_first, outer_end = (
+        np.clip(x, 0, size).astype(np.int64) for x in (first, end, outer_first, outer_end)
+    )
+    none = end <= first
+    first, end = np.where(none, outer_end, first), np.where(none, outer_end, end)
+    inner_row, inner_x = _ranges(first, end)
+    left_row, left_x = _ranges(outer_first, first)
+    right_row, right_x = _ranges(end, outer_end)
+    outer_row, outer_x = np.concatenate([left_row, right_row]), np.concatenate([left_x, right_x])
+    return (triangle[inner_row], inner_x, y[inner_row]), (triangle[outer_row], outer_x, y[outer_row])
+
+
+def _ranges(first: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All whole numbers of the ranges first .. end - 1, each (k,), and the range that each belongs to."""
+    count = np.maximum(end - first, 0)
+    owner = np.repeat(np.arange(len(first)), count)
+    return owner, np.arange(len(owner)) + np.repeat(first - (np.cumsum(count) - count), count)
+
+
+def _crossings(uv: np.ndarray, line: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where horizontal lines (k,) enter and leave triangles (k, 3, 2); inf and -inf where they miss."""
+    left, right = np.full(len(line), np.inf), np.full(len(line), -np.inf)
+    for k in range(3):
+        ax, ay = uv[:, k].T
+        bx, by = uv[:, (k + 1) % 3].T
+        met = (np.minimum(ay, by) <= line) & (line <= np.maximum(ay, by))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            x = ax + (line - ay) * (bx - ax) / (by - ay)
+        level = ay == by
+        low, high = np.where(level, np.minimum(ax, bx), x), np.where(level, np.maximum(ax, bx), x)
+        left[met], right[met] = np.minimum(left[met], low[met]), np.maximum(right[met], high[met])
+    return left, right
+
+
+def _cut(uv: np.ndarray, triangle: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Texels (m,) cut by triangles: polygons (k, 7, 2), their numbers of corners, and triangle, x, y of each."""
+    found = []
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64)
+    for at in range(0, len(x), _SLICE):
+        part = slice(at, at + _SLICE)
+        corner = np.stack([x[part], y[part]], -1)
+        polygon = corner[:, None] + square
+        count = np.full(len(polygon), 4)
+        own = uv[triangle[part]]
+        for k in range(3):
+            polygon, count = _clip(polygon, count, own[:, k], own[:, (k + 1) % 3])
+        kept = np.flatnonzero(count > 2)
+        found.append((polygon[kept], count[kept], triangle[part][kept], x[part][kept], y[part][kept]))
+    if not found:
+        none = np.zeros(0, np.int64)
+        return np.zeros((0, _MOST_CORNERS, 2)), none, none, none, none
+    return tuple(map(np.concatenate, zip(*found, strict=True)))
+
+
+def _clip(polygon: np.ndarray, count: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What of convex polygons (m, k, 2) with `count` corners is left of the lines from a to b, each (m, 2)."""
+    m, k, _ = polygon.shape
+    edge = b - a
+    away = edge[:, None, 0] * (polygon[..., 1] - a[:, None, 1]) - edge[:, None, 1] * (polygon[..., 0] - a[:, None, 0])
+    corner = np.arange(k)
+    used = corner < count[:, None]
+    following = np.where(corner + 1 < count[:, None], corner + 1, 0)
+    away_next = np.take_along_axis(away, following, 1)
+    inside = away >= 0.0
+    crosses = used & (inside != (away_next >= 0.0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        t = away / (away - away_next)
+        cut = polygon + t[..., None] * (np.take_along_axis(polygon, following[..., None], 1) - polygon)
+    corners = np.stack([polygon, cut], 2).reshape(m, 2 * k, 2)
+    kept = np.stack([inside & used, crosses], 2).reshape(m, 2 * k)
+    order = np.argsort(~kept, axis=1, kind="stable")[:, : k + 1]
+    return np.take_along_axis(corners, order[..., None], 1), kept.sum(1)
+
+
+def _polygon_areas(polygon: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Areas (m,) of polygons (m, k, 2) with `count` corners."""
+    corner = np.arange(polygon.shape[1])
+    shifted = polygon - polygon[:, :1]
+    x, y = shifted[..., 0], shifted[..., 1]
+    cross = x[:, :-1] * y[:, 1:] - y[:, :-1] * x[:, 1:]
+    return 0.5 * np.where(corner[1:] < count[:, None], cross, 0.0).sum(1)
+
+
+def _winners(texel: np.ndarray, chart: np.ndarray, cover: np.ndarray, is_whole: np.ndarray) -> np.ndarray:
+    """Entries to keep, ascending by texel: one whole one, else those of the chart that covers most of the texel."""
+    n = int(texel.max(initial=-1)) + 1
+    order = np.lexsort((~is_whole, texel))
+    first = order[np.searchsorted(texel[order], np.arange(n))]
+    has_whole = is_whole[first]
+    keep = ~has_whole[texel]
+    keep[first[has_whole]] = True
+    mixed = np.zeros(n, bool)
+    mixed[texel[keep & (chart != chart[first][texel])]] = True
+    entries = np.flatnonzero(keep & mixed[texel])
+    if len(entries):
+        pairs, pair = np.unique(np.stack([texel[entries], chart[entries]], 1), axis=0, return_inverse=True)
+        pair = pair.ravel()
+        total = np.bincount(pair, cover[entries])
+        best = np.lexsort((pairs[:, 1], -total, pairs[:, 0]))
+        best = best[np.unique(pairs[best, 0], return_index=True)[1]]
+        keep[entries[~np.isin(pair, best)]] = False
+    kept = np.flatnonzero(keep)
+    return kept[np.argsort(texel[kept], kind="stable")]
+
+
+def _parallelograms(triangles: AtlasTriangles, triangle: np.ndarray, index: np.ndarray, size: int) -> np.ndarray:
+    """Edge, edge and corner (m, 3, 3) of whole texels."""
+    at = np.stack([index % size, index // size], -1).astype(np.float64)
+    return np.concatenate([triangles.step[triangle], triangles.place(triangle, at)[:, None]], 1)
+
+
+def _fans(
+    triangles: AtlasTriangles, triangle: np.ndarray, polygon: np.ndarray, count: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Edge, edge and corner (f, 3, 3) of the triangles that polygons (m, k, 2) consist of, and the polygon of each."""
+    owner, second = _ranges(np.ones(len(count), np.int64), count - 1)
+    corner = polygon[owner, 0]
+    one, two = polygon[owner, second] - corner, polygon[owner, second + 1] - corner
+    step = triangles.step[triangle[owner]]
+    edges = np.einsum("mki,mij->mkj", np.stack([one, two], 1), step)
+    fans = np.concatenate([edges, triangles.place(triangle[owner], corner)[:, None]], 1)
+    area = _double_areas(fans)
+    kept = area > 0.0  # a cell without area would get rays all the same
+    return fans[kept], owner[kept]
+
+
+def _double_areas(fans: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(np.cross(fans[:, 0], fans[:, 1]), axis=1)
+
+
+def _fan_centres(fans: np.ndarray, owner: np.ndarray, n: int) -> np.ndarray:
+    """Centres of gravity (n, 3) of the polygons that own the fans."""
+    area = _double_areas(fans)
+    total = np.maximum(np.bincount(owner, area, n), np.finfo(float).tiny)
+    return _sums(owner, area[:, None] * (fans[:, 2] + (fans[:, 0] + fans[:, 1]) / 3.0), n) / total[:, None]
+
+
+def _sums(owner: np.ndarray, values: np.ndarray, n: int) -> np.ndarray:
+    """Sums (n, k) of the values (m, k) of each owner."""
+    return np.stack([np.bincount(owner, column, n) for column in values.T], -1)
+
+
+def _cells(
+    triangles: AtlasTriangles,
+    shape: np.ndarray,
+    triangle: np.ndarray,
+    texel: np.ndarray,
+    total: np.ndarray,
+    area: np.ndarray | None,
+) -> Cells:
+    """Cells from edges and corners (m, 3, 3); `area` None for parallelograms, each of which is all of its texel."""
+    frames = np.empty((len(shape), 3, 6), np.float32)
+    offset = triangles.offset[triangle]
+    frames[:, :2, :3] = shape[:, :2]
+    frames[:, 2, :3] = shape[:, 2] + offset[:, None] * triangles.frame[triangle, 2]
+    frames[:, :, 3:] = triangles.frame[triangle]
+    weight = np.ones(len(shape)) if area is None else area / np.bincount(texel, area, len(total))[texel]
+    return Cells(frames, offset.astype(np.float32), texel, weight, total, are_parallelograms=area is None)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .blender.output_settings import OutputSettings
+from .blender.output_settings import ImageFormat, OutputSettings
 from .core.errors import SettingsError
 from .core.falloff import Falloff
 from .core.light_settings import Ambient, LightSettings, Quantity
+from .core.lightmap_settings import LightmapSettings, UvMode
 from .core.settings import BakeSettings, Sampler
 from .version import version
 
@@ -37,9 +38,12 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         "--indirect-only", action=argparse.BooleanOptionalAction, help="with RADIOSITY, leave out direct light"
     )
     bake.add_argument("--exposure", type=float, metavar="STOPS", help="brighten light before it is stored")
-    bake.add_argument("--target", choices=["FACE", "CORNER", "POINT"])
+    bake.add_argument("--target", choices=["FACE", "CORNER", "POINT", "LIGHTMAP"])
     bake.add_argument(
-        "--attribute", dest="attribute_name", metavar="NAME", help="name of the attribute (default: Obscurance)"
+        "--attribute",
+        dest="attribute_name",
+        metavar="NAME",
+        help="name of the attribute, or of lightmap and UV map (default: Obscurance)",
     )
     bake.add_argument(
         "--corner-copy", action=argparse.BooleanOptionalAction, help="with target FACE, also write face corners or not"
@@ -59,6 +63,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     bake.add_argument("--sampler", choices=[s.value for s in Sampler])
     bake.add_argument("--seed", type=int, metavar="N")
     bake.add_argument("--threads", type=int, metavar="N", help="0 for all processors")
+    _add_lightmap(bake.add_argument_group("with target LIGHTMAP"))
     bake.add_argument("--report", type=Path, metavar="FILE.json", help="write what was done as JSON")
     bake.add_argument("--quiet", action="store_true", help="print errors only")
     options = parser.parse_args(arguments)
@@ -70,13 +75,42 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     written = {path.resolve() for path in outputs(options)}
     if options.report and options.report.resolve() in written.union(scene.resolve() for scene in options.scenes):
         bake.error("--report names a .blend that is read or written: give the report a name of its own")
+    if options.image_path and len(set(images(options))) < len(options.scenes):
+        bake.error("--image would be written by several scenes: start it with // and have each in a folder of its own")
     try:
         BakeSettings(**estimator_changes(options))
         LightSettings(**light_changes(options))
         OutputSettings(**output_changes(options))
+        LightmapSettings(**lightmap_changes(options))
     except SettingsError as error:
         bake.error(str(error))
     return options
+
+
+def _add_lightmap(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--size", type=int, metavar="N", help="texels along a side of the image (default: 1024)")
+    group.add_argument(
+        "--texels-per-metre", type=float, metavar="X", help="density of texels, in as many image tiles as it takes"
+    )
+    group.add_argument("--uv-mode", choices=[mode.value for mode in UvMode], help="unwrap, or keep a UV map")
+    group.add_argument("--uv-map", metavar="NAME", help="UV map to keep (default: the one that renders)")
+    group.add_argument("--margin", type=int, metavar="N", help="texels around faces at size 1024 (default: 16)")
+    group.add_argument(
+        "--adaptive", action=argparse.BooleanOptionalAction, help="interpolate where the surroundings are smooth"
+    )
+    group.add_argument("--error-bound", type=float, metavar="X", help="of interpolated values (default: 0.01)")
+    group.add_argument(
+        "--image", dest="image_path", metavar="PATH", help="file of the lightmap, // being the scene's folder"
+    )
+    group.add_argument("--image-format", choices=[kind.value for kind in ImageFormat])
+
+
+def images(options: argparse.Namespace) -> list[Path]:
+    """The lightmap file of each scene, where one is asked for."""
+    path = options.image_path
+    if not path.startswith("//"):
+        return [Path(path).resolve()] * len(options.scenes)
+    return [scene.resolve().parent / path[2:] for scene in options.scenes]
 
 
 def outputs(options: argparse.Namespace) -> list[Path]:
@@ -122,7 +156,14 @@ def light_changes(options: argparse.Namespace) -> dict:
 
 def output_changes(options: argparse.Namespace) -> dict:
     """Output settings given as options, by name."""
-    return _given(options, "target", "attribute_name", "scale", "shared_meshes", "corner_copy", "exposure")
+    names = ("target", "attribute_name", "scale", "shared_meshes", "corner_copy", "exposure")
+    return _given(options, *names, "image_path", "image_format")
+
+
+def lightmap_changes(options: argparse.Namespace) -> dict:
+    """Lightmap settings given as options, by name."""
+    names = ("size", "texels_per_metre", "uv_mode", "uv_map", "margin", "adaptive", "error_bound")
+    return _given(options, *names)
 
 
 def _given(options: argparse.Namespace, *names: str) -> dict:

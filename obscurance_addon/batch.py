@@ -19,8 +19,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .arguments import estimator_changes, light_changes, output_changes, outputs, parse
+from .arguments import estimator_changes, light_changes, lightmap_changes, output_changes, outputs, parse
 from .core.errors import ObscuranceError
+from .core.lightmap_settings import LightmapSettings
 from .version import version
 
 DONE, FAILED = 0, 1
@@ -100,9 +101,10 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
         changes["distance"] /= context.scene.unit_settings.scale_length
     settings, target = group.to_settings(**changes), group.to_output(**output_changes(options))
     light = group.to_light(**light_changes(options))
+    lightmap = group.to_lightmap(**lightmap_changes(options))
     guard = ObjectModeGuard(context)
     objects = _objects(context, options.objects)
-    report = BakeJob(context, objects, settings, target, light).run(on_step=say.progress)
+    report = BakeJob(context, objects, settings, target, light, lightmap).run(on_step=say.progress)
     guard.restore(context)
     baked = time.perf_counter()
     with _written_whole(output) as part:
@@ -120,6 +122,7 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
             **dataclasses.asdict(settings),
             **dataclasses.asdict(target),
             **dataclasses.asdict(light),
+            **_lightmap_settings(lightmap),
             "distance": _finite(report.d_max),
         },
         "objects": report.objects,
@@ -134,9 +137,16 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
         "openness": report.openness,
         "reflectors": report.reflectors,
         "reflected_share": report.reflected_share,
+        "lightmap": report.lightmap and dataclasses.asdict(report.lightmap),
         "peak_memory_bytes": _peak_memory(),
         "warnings": report.warnings,
     }
+
+
+def _lightmap_settings(lightmap: LightmapSettings) -> dict:
+    """Lightmap settings under the names of the scene's properties."""
+    settings = dataclasses.asdict(lightmap)
+    return {"lightmap_size": settings.pop("size"), **settings}
 
 
 def _finite(distance: float) -> float | str:

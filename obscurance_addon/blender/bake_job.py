@@ -14,24 +14,22 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import bpy
-import numpy as np
 
-from ..core.bake import Obscurances, bake_obscurances
 from ..core.errors import GeometryError, ObscuranceError, SettingsError
 from ..core.intersector_cache import IntersectorCache
-from ..core.light_bake import bake_light
-from ..core.light_records import BakedLight
 from ..core.light_settings import LightSettings, Quantity
+from ..core.lightmap_settings import LightmapSettings, UvMode
 from ..core.settings import BakeSettings
-from . import color_attribute
-from .bake_arrays import BakeArrays, prepare_arrays
+from . import color_attribute, uv_layer
+from .attribute_bake import AttributeBake
 from .bake_report import BakeReport
-from .baked_record import what_is_stored
 from .job_monitor import JobMonitor
-from .output_settings import OutputSettings, Scale, Target
-from .result_writer import write_values
+from .lightmap_bake import LightmapBake
+from .lightmap_files import check_path
+from .output_settings import OutputSettings, Target
 from .scene_geometry import snapshot_scene
 from .stored_preferences import cache_ceiling_bytes
 
@@ -53,11 +51,13 @@ class BakeJob:
     output : OutputSettings
     light : LightSettings, optional
         Obscurances by default.
+    lightmap : LightmapSettings, optional
+        For target LIGHTMAP.
 
     Raises
     ------
     ObscuranceError
-        When nothing can be baked, or the attribute name cannot be used; the message names object and cure.
+        When nothing can be baked, or the name or file of the result cannot be used; the message names object and cure.
     """
 
     def __init__(
@@ -67,33 +67,35 @@ class BakeJob:
         settings: BakeSettings,
         output: OutputSettings,
         light: LightSettings | None = None,
+        lightmap: LightmapSettings | None = None,
     ) -> None:
         began = time.perf_counter()
         light = light or LightSettings()
-        if light.quantity is Quantity.RADIOSITY and output.target is not Target.FACE:
+        to_lightmap = output.target is Target.LIGHTMAP
+        lightmap = (lightmap or LightmapSettings()) if to_lightmap else None
+        if light.quantity is Quantity.RADIOSITY and output.target not in {Target.FACE, Target.LIGHTMAP}:
             raise SettingsError("radiosity is computed for whole faces: use target FACE, or bake COMBINED")
-        self._output = output
-        self._light = light
-        self._settings = settings
         self._warnings: list[str] = []
         writable = _writable(objects, self._warnings)
-        for ob in writable:
-            for name, _domain in reversed(output.layers()):  # the name that the user chose comes last
-                color_attribute.check_name(ob, name)
-        self._snapshot = snapshot_scene(
+        _check_destination(writable, output, lightmap)
+        self._snapshot = snapshot = snapshot_scene(
             context,
             writable,
-            needs_rest=output.target is not Target.FACE,
+            needs_rest=output.target in {Target.CORNER, Target.POINT},
             baked_layers=[name for name, _domain in output.layers()],
             needs_light=light.needs_light,
+            lightmap=lightmap,
         )
         self._metres_per_unit = context.scene.unit_settings.scale_length
-        self._warnings += self._snapshot.notes
+        self._warnings += snapshot.notes
+        if lightmap is None:
+            self._bake = AttributeBake(snapshot, settings, light, output)
+        else:
+            self._bake = LightmapBake(snapshot, settings, light, output, lightmap, self._metres_per_unit)
         self._extract_seconds = time.perf_counter() - began
-        self._monitor = JobMonitor(light.quantity)
+        self._monitor = JobMonitor(light.quantity, to_lightmap)
         TRACERS.ceiling_bytes = cache_ceiling_bytes()
-        self._arrays: BakeArrays | None = None
-        self._result: Obscurances | BakedLight | None = None
+        self._done = False
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._compute, name="obscurance-bake", daemon=True)
         self._thread.start()
@@ -101,43 +103,13 @@ class BakeJob:
     def _compute(self) -> None:
         """Everything between reading and writing, without bpy; runs in its own thread."""
         try:
-            began = time.perf_counter()
-            self._arrays = prepare_arrays(self._snapshot, self._output.target, self._light.needs_light)
-            self._monitor.check()
-            self._extract_seconds += time.perf_counter() - began
-            self._result = self._bake_light() if self._light.needs_light else self._bake_obscurances()
+            self._bake.compute(self._monitor, TRACERS)
+            self._done = True
         except GeometryError as error:
             names = ", ".join(f"'{baked.snapshot.name}'" for baked in self._snapshot.baked[:_NAMES_IN_ERRORS])
             self._error = GeometryError(f"{names}: {error}")
         except BaseException as error:  # handed to the thread that steps the job
             self._error = error
-
-    def _bake_obscurances(self) -> Obscurances:
-        arrays = self._arrays
-        return bake_obscurances(
-            arrays.surfaces,
-            arrays.patches,
-            self._settings,
-            neighbours=arrays.neighbours,
-            patch_reflectance=arrays.materials.reflectance,
-            monitor=self._monitor,
-            intersector=TRACERS,
-        )
-
-    def _bake_light(self) -> BakedLight:
-        arrays = self._arrays
-        return bake_light(
-            arrays.surfaces,
-            arrays.patches,
-            arrays.others,
-            arrays.materials,
-            self._snapshot.sources,
-            self._settings,
-            self._light,
-            neighbours=arrays.neighbours,
-            monitor=self._monitor,
-            intersector=TRACERS,
-        )
 
     def step(self, budget_s: float) -> bool:
         """Wait for at most `budget_s` seconds; True once the result is ready to commit.
@@ -168,7 +140,7 @@ class BakeJob:
     @property
     def progress(self) -> float:
         """Share of the work done, 0 .. 1."""
-        return 1.0 if self._result is not None else self._monitor.progress
+        return 1.0 if self._done else self._monitor.progress
 
     @property
     def remaining(self) -> float | None:
@@ -191,61 +163,27 @@ class BakeJob:
         AttributeNameError
             When an attribute cannot be made.
         """
-        began = time.perf_counter()
-        result, arrays = self._result, self._arrays
-        values, rmse = self._values()
-        per_object = [values[r.first : r.end][r.element_patch] for r in arrays.ranges]
-        notes = write_values(self._snapshot.baked, per_object, self._output, what_is_stored(self._light))
-        seconds = {"extract": self._extract_seconds, **result.seconds, "write": time.perf_counter() - began}
-        return BakeReport(
-            objects=[baked.snapshot.name for baked in self._snapshot.baked],
-            patches=len(arrays.patches),
-            triangles=len(arrays.surfaces.triangles),
-            rays=result.rays + result.error_rays,
-            seconds=seconds,
-            r_ave=tuple(float(x) for x in result.r_ave),
-            rmse=tuple(float(x) for x in rmse),
-            d_max=result.d_max * self._metres_per_unit,
-            quantity=self._light.quantity,
-            **_ambient_report(result),
-            warnings=self._warnings + arrays.warnings + result.warnings + self._hidden_inside() + notes,
+        report = self._bake.write()
+        return replace(
+            report,
+            seconds={**report.seconds, "extract": report.seconds["extract"] + self._extract_seconds},
+            d_max=report.d_max * self._metres_per_unit,
+            warnings=self._warnings + report.warnings,
         )
 
-    def _values(self) -> tuple[np.ndarray, np.ndarray]:
-        """What to write (p, 3), and its estimated error (3,)."""
-        result = self._result
-        if isinstance(result, BakedLight):
-            factor = 2.0**self._output.exposure
-            return result.radiance * factor, result.rmse * factor
-        if self._output.scale is Scale.WHITE:
-            return result.white(), result.white_rmse()
-        return result.coloured, result.rmse
 
-    def _hidden_inside(self) -> list[str]:
-        """Warnings for objects most of which has no value of its own."""
-        warnings = []
-        for baked, part in zip(self._snapshot.baked, self._arrays.ranges, strict=True):
-            valid = self._result.valid[part.first : part.end]
-            hidden = np.count_nonzero(~valid)
-            if 2 * hidden > len(valid):
-                warnings.append(
-                    f"object '{baked.snapshot.name}': {hidden:,} of {len(valid):,} patches lie inside of a closed "
-                    "solid or have no area, so they took their neighbours' value, or that of an open face; if the "
-                    "solid is a room, flip its normals (Mesh > Normals > Flip)"
-                )
-        return warnings
-
-
-def _ambient_report(result: Obscurances | BakedLight) -> dict[str, object]:
-    """What a report says of the ambient light, where there is any."""
-    if not isinstance(result, BakedLight) or result.ambient is None:
-        return {}
-    return {
-        "ambient_light": tuple(float(x) for x in result.ambient.intensity()),
-        "openness": result.ambient.openness,
-        "reflectors": result.reflectors,
-        "reflected_share": result.reflected_share,
-    }
+def _check_destination(
+    objects: list[bpy.types.Object], output: OutputSettings, lightmap: LightmapSettings | None
+) -> None:
+    """Make sure, as far as one can tell before, that the result can be written; raises ObscuranceError."""
+    for ob in objects:
+        for name, _domain in reversed(output.layers()):  # the name that the user chose comes last
+            color_attribute.check_name(ob, name)
+        if lightmap is not None and lightmap.uv_mode is UvMode.UNWRAP:
+            uv_layer.check_uv_name(ob, output.attribute_name)
+    if lightmap is not None:
+        color_attribute.check_text(output.attribute_name)
+        check_path(output.image_path, output.image_format)
 
 
 def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[bpy.types.Object]:

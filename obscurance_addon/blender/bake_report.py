@@ -4,9 +4,39 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from ..core.light_records import BakedLight
 from ..core.light_settings import Quantity
+from ..core.obscurance_lightmap import Lightmap
 
 _NAMES_IN_SUMMARY = 3
+
+
+@dataclass(frozen=True)
+class LightmapReport:
+    """What a bake did to a lightmap.
+
+    Attributes
+    ----------
+    image : str
+        Name in the .blend.
+    files : list of str
+        None for a packed image.
+    size, pages : int
+    use : float
+        Share of the pages that faces cover, 0 .. 1.
+    traced_texels : int
+        Covered texels that cast rays; the others were interpolated.
+    texels_per_metre : float or None
+        Density on all surfaces, where the bake unwrapped them.
+    """
+
+    image: str
+    files: list[str]
+    size: int
+    pages: int
+    use: float
+    traced_texels: int
+    texels_per_metre: float | None
 
 
 @dataclass(frozen=True)
@@ -17,9 +47,9 @@ class BakeReport:
     ----------
     objects : list of str
     patches, triangles, rays : int
-        `rays` counts those for the error estimate too.
+        The patches of a lightmap are its texels. `rays` counts those for the error estimate too.
     seconds : dict of str to float
-        Per phase: extract, build, trace, light, write.
+        Per phase: extract, build, trace, light, write; for a lightmap also unwrap and margin.
     r_ave, rmse : tuple of float
         Mean reflectance, and estimated error of the values written, per RGB channel.
     d_max : float
@@ -33,6 +63,7 @@ class BakeReport:
         Secondary reflectors that redistributed direct light.
     reflected_share : float
         Share of the direct light scattered in the scene that they held.
+    lightmap : LightmapReport or None
     warnings : list of str
     """
 
@@ -49,6 +80,7 @@ class BakeReport:
     openness: float | None = None
     reflectors: int = 0
     reflected_share: float = 0.0
+    lightmap: LightmapReport | None = None
     warnings: list[str] = field(default_factory=list)
 
     def summary(self) -> str:
@@ -60,10 +92,27 @@ class BakeReport:
             ambient = ", ambient light {:.3g} {:.3g} {:.3g} W/m2".format(*self.ambient_light)
             if self.reflectors:
                 ambient += f" beside {self.reflectors} secondary reflectors"
+        patches = f"{self.patches:,} patches"
+        if self.lightmap is not None:
+            of = self.lightmap
+            pages = f"{of.pages} pages" if of.pages > 1 else "a page"
+            patches = f"{self.patches:,} texels on {pages} of {of.size} ({of.use:.0%} used)"
         return (
-            f"Baked {what}{self.patches:,} patches of {_named(self.objects)} with {self.rays:,} rays{reach} in "
+            f"Baked {what}{patches} of {_named(self.objects)} with {self.rays:,} rays{reach} in "
             f"{sum(self.seconds.values()):.2f} s{ambient}, estimated error {max(self.rmse):.2g}"
         )
+
+
+def ambient_report(light: BakedLight | Lightmap) -> dict[str, object]:
+    """What a report says of the ambient light, where there is any."""
+    if light.ambient is None:
+        return {}
+    return {
+        "ambient_light": tuple(float(x) for x in light.ambient.intensity()),
+        "openness": light.ambient.openness,
+        "reflectors": light.reflectors,
+        "reflected_share": light.reflected_share,
+    }
 
 
 def _named(objects: list[str]) -> str:

@@ -15,9 +15,10 @@ import bpy
 import numpy as np
 
 from ..core.errors import ObscuranceError
+from . import baked_record
 
 MAX_NAME_BYTES = 60  # Blender keeps 67, and names of temporary layers add to it
-_PENDING = ".baking"  # suffix of a new layer until its values are in
+PENDING = ".baking"  # suffix of a new layer until its values are in
 
 # Blender gives these a meaning of its own; a colour there would destroy what they hold.
 _BUILT_IN = {
@@ -38,6 +39,18 @@ def check_name(ob: bpy.types.Object, name: str) -> None:
     AttributeNameError
         When the name is empty, too long, reserved, or in use for something that must not be replaced.
     """
+    check_text(name)
+    own_uv_map = baked_record.is_own_uv_map(ob.data, name)
+    for kind, taken in (("vertex group", ob.vertex_groups), ("UV map", () if own_uv_map else ob.data.uv_layers)):
+        if name in taken:
+            raise AttributeNameError(
+                f"object '{ob.name}' has a {kind} named '{name}', which a bake must not replace: choose another "
+                f"attribute name, or rename the {kind}"
+            )
+
+
+def check_text(name: str) -> None:
+    """Make sure that Blender takes a name for an attribute; raises AttributeNameError."""
     if not name.strip():
         raise AttributeNameError("the attribute needs a name: enter one, for example 'Obscurance'")
     if len(name.encode()) > MAX_NAME_BYTES:
@@ -45,12 +58,6 @@ def check_name(ob: bpy.types.Object, name: str) -> None:
         raise AttributeNameError(f"the attribute name '{name}' is {excess} bytes too long: choose a shorter one")
     if name.startswith(".") or name in _BUILT_IN:
         raise AttributeNameError(f"the attribute name '{name}' is reserved by Blender: choose another one")
-    for kind, taken in (("vertex group", ob.vertex_groups), ("UV map", ob.data.uv_layers)):
-        if name in taken:
-            raise AttributeNameError(
-                f"object '{ob.name}' has a {kind} named '{name}', which a bake must not replace: choose another "
-                f"attribute name, or rename the {kind}"
-            )
 
 
 def prepare(mesh: bpy.types.Mesh, name: str, domain: str, data_type: str = "FLOAT_COLOR") -> str:
@@ -65,8 +72,8 @@ def prepare(mesh: bpy.types.Mesh, name: str, domain: str, data_type: str = "FLOA
     """
     if is_color(mesh, name, domain, data_type):
         return name
-    with _choices_kept(mesh):
-        made = mesh.attributes.new(name + _PENDING, data_type, domain)
+    with choices_kept(mesh):
+        made = mesh.attributes.new(name + PENDING, data_type, domain)
         if made is None:
             raise AttributeNameError(f"mesh '{mesh.name}' takes no attribute named '{name}': choose another name")
         return made.name  # numbered when a layer of the user's has this name
@@ -75,7 +82,7 @@ def prepare(mesh: bpy.types.Mesh, name: str, domain: str, data_type: str = "FLOA
 def discard(mesh: bpy.types.Mesh, name: str, layer: str) -> None:
     """Remove the layer that `prepare` made for this name, unless it was there already."""
     if layer != name:
-        with _choices_kept(mesh):
+        with choices_kept(mesh):
             mesh.attributes.remove(mesh.attributes[layer])
 
 
@@ -102,14 +109,23 @@ def fill(mesh: bpy.types.Mesh, layer: str, name: str, values: np.ndarray) -> str
     mesh.attributes[layer].data.foreach_set("color", rgba.ravel())
     replaced = None
     if layer != name:
-        with _choices_kept(mesh):
+        with choices_kept(mesh):
             if name in mesh.attributes:
-                old = mesh.attributes[name]
-                replaced = f"attribute '{name}' of mesh '{mesh.name}' ({old.data_type}, {old.domain}) was replaced"
-                mesh.attributes.remove(old)
+                replaced = _remove(mesh, name)
             mesh.attributes[layer].name = name
     mesh.update()
     return replaced
+
+
+def _remove(mesh: bpy.types.Mesh, name: str) -> str:
+    """Remove an attribute; what it was, in words."""
+    if name in mesh.uv_layers:
+        mesh.uv_layers.remove(mesh.uv_layers[name])
+        return f"UV map '{name}' of mesh '{mesh.name}', which belonged to a lightmap, was replaced"
+    old = mesh.attributes[name]
+    kind = f"{old.data_type}, {old.domain}"
+    mesh.attributes.remove(old)
+    return f"attribute '{name}' of mesh '{mesh.name}' ({kind}) was replaced"
 
 
 def make_active(mesh: bpy.types.Mesh, name: str) -> None:
@@ -120,7 +136,7 @@ def make_active(mesh: bpy.types.Mesh, name: str) -> None:
 
 
 @contextmanager
-def _choices_kept(mesh: bpy.types.Mesh) -> Iterator[None]:
+def choices_kept(mesh: bpy.types.Mesh) -> Iterator[None]:
     """Keep which attribute is active, and which colour is active and the default, while layers come and go."""
     layers = mesh.attributes
     active, index = layers.active.name if layers.active else "", layers.active_index

@@ -20,6 +20,13 @@ _PHASES = {
     Quantity.COMBINED: ("build", "trace", "light", "redistribute"),
     Quantity.RADIOSITY: ("build", "light", "radiosity"),
 }
+_LIGHTMAP_PHASES = {
+    Quantity.OBSCURANCE: ("build", "trace"),
+    Quantity.DIRECT: ("build", "trace"),
+    Quantity.AMBIENT: ("build", "light", "redistribute", "trace"),
+    Quantity.COMBINED: ("build", "light", "redistribute", "trace"),
+    Quantity.RADIOSITY: ("build", "light", "radiosity", "trace"),
+}
 
 
 class JobMonitor(Monitor):
@@ -29,15 +36,16 @@ class JobMonitor(Monitor):
     ----------
     quantity : Quantity
         What is baked, which tells the phases to come.
+    is_lightmap : bool
     """
 
     # Of the progress bar, relative to each other: building takes about a tenth of a bake at 64 rays.
-    _SHARES: ClassVar = {"build": 0.1, "trace": 0.9, "light": 1.5, "redistribute": 0.6, "radiosity": 1.5}
+    _SHARES: ClassVar = {"unwrap": 0.3, "build": 0.1, "trace": 0.9, "light": 1.5, "redistribute": 0.6, "radiosity": 1.5}
 
-    def __init__(self, quantity: Quantity) -> None:
+    def __init__(self, quantity: Quantity, is_lightmap: bool = False) -> None:
         self.cancelled = threading.Event()
         self._lock = threading.Lock()
-        self._phases = _PHASES[quantity]
+        self._phases = ("unwrap", *_LIGHTMAP_PHASES[quantity]) if is_lightmap else _PHASES[quantity]
         self._low, self._high = 0.0, 1.0
         self._total, self._done, self._since = 1, 0, time.perf_counter()
 

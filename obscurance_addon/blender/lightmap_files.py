@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import os
 import shutil
 import uuid
@@ -12,29 +11,12 @@ from contextlib import contextmanager, suppress
 import bpy
 
 from ..core.errors import ObscuranceError
+from .output_settings import ImageFormat
 
 UDIM = "<UDIM>"  # stands for the number of a tile in the name of a file
 FIRST_TILE = 1001
 MAX_TILES = 1000  # Blender's tiles end at 2000
 _MAX_PATH_BYTES = 1000  # Blender cuts off what is longer
-
-
-class ImageFormat(enum.StrEnum):
-    """How the pixels are stored: EXR and HDR linear and unbounded, PNG sRGB-encoded and clamped to 0 .. 1."""
-
-    EXR_HALF = "EXR_HALF"
-    EXR_FULL = "EXR_FULL"
-    PNG_8 = "PNG_8"
-    PNG_16 = "PNG_16"
-    HDR = "HDR"
-
-    @property
-    def extension(self) -> str:
-        return "." + self.value.partition("_")[0].lower()
-
-    @property
-    def is_linear(self) -> bool:
-        return self not in {ImageFormat.PNG_8, ImageFormat.PNG_16}
 
 
 class ImageFileError(ObscuranceError):

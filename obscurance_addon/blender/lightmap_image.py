@@ -22,7 +22,6 @@ from .lightmap_files import (
     FIRST_TILE,
     MAX_TILES,
     ImageFileError,
-    ImageFormat,
     absolute_path,
     check_path,
     comparable,
@@ -34,6 +33,7 @@ from .lightmap_files import (
     tiled_path,
 )
 from .lightmap_writers import write_exr, write_hdr, write_png
+from .output_settings import ImageFormat
 
 __all__ = ["MADE_HERE", "ImageFileError", "ImageFormat", "StagedImage", "check_path", "stage"]
 

@@ -33,6 +33,8 @@ class MeshArrays:
     face_origin, rest : ndarray, (f,) int and (v, 3) float32, or None
         1-based index of the unmodified face that each face came from, 0 for faces that came from none, and where its
         vertices were before modifiers; None for meshes whose faces are the unmodified ones.
+    uv : ndarray, (c, 2) float32, or None
+        The UV map that was asked for, if the mesh has it; `uv_map` is its name.
     """
 
     positions: np.ndarray
@@ -46,6 +48,8 @@ class MeshArrays:
     sharp_face: np.ndarray
     face_origin: np.ndarray | None = None
     rest: np.ndarray | None = None
+    uv: np.ndarray | None = None
+    uv_map: str = ""
 
 
 def read_attribute(mesh: bpy.types.Mesh, name: str, field_name: str, dtype: str, width: int) -> np.ndarray:
@@ -56,8 +60,8 @@ def read_attribute(mesh: bpy.types.Mesh, name: str, field_name: str, dtype: str,
     return values.reshape(-1, width) if width > 1 else values
 
 
-def read_mesh(mesh: bpy.types.Mesh) -> MeshArrays:
-    """Arrays of a mesh that has at least one face; main thread, object mode."""
+def read_mesh(mesh: bpy.types.Mesh, uv_map: str | None = None) -> MeshArrays:
+    """Arrays of a mesh that has at least one face, and a UV map ('' for the one that renders); main thread."""
     mesh.calc_loop_triangles()
     n_faces, n_corners, n_triangles = len(mesh.polygons), len(mesh.loops), len(mesh.loop_triangles)
     face_start = np.empty(n_faces + 1, np.int32)
@@ -68,6 +72,9 @@ def read_mesh(mesh: bpy.types.Mesh) -> MeshArrays:
     triangle_face = np.empty(n_triangles, np.int32)
     mesh.loop_triangle_polygons.foreach_get("value", triangle_face)
     names = mesh.attributes.keys()
+    if uv_map == "":
+        uv_map = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
+    has_uv = bool(uv_map) and uv_map in mesh.uv_layers
     return MeshArrays(
         positions=read_attribute(mesh, "position", "vector", "f4", 3),
         corner_vertex=read_attribute(mesh, ".corner_vert", "value", "i4", 1),
@@ -80,6 +87,8 @@ def read_mesh(mesh: bpy.types.Mesh) -> MeshArrays:
         sharp_face=_optional(mesh, "sharp_face", "?", n_faces),
         face_origin=read_attribute(mesh, FACE_INDEX, "value", "i4", 1) if FACE_INDEX in names else None,
         rest=read_attribute(mesh, REST_POSITION, "vector", "f4", 3) if REST_POSITION in names else None,
+        uv=read_attribute(mesh, uv_map, "vector", "f4", 2) if has_uv else None,
+        uv_map=uv_map or "",
     )
 
 

@@ -6,6 +6,7 @@ import enum
 from dataclasses import dataclass
 
 from ..core.errors import SettingsError
+from ..core.settings import member_of
 
 MAX_EXPOSURE = 32.0  # stops
 
@@ -18,6 +19,7 @@ class Target(enum.StrEnum):
     FACE = "FACE"
     CORNER = "CORNER"
     POINT = "POINT"
+    LIGHTMAP = "LIGHTMAP"  # the texels of an image
 
 
 class Scale(enum.StrEnum):
@@ -34,6 +36,24 @@ class SharedMeshes(enum.StrEnum):
     AVERAGE = "AVERAGE"  # one mesh, the mean of its objects' values
 
 
+class ImageFormat(enum.StrEnum):
+    """How the pixels are stored: EXR and HDR linear and unbounded, PNG sRGB-encoded and clamped to 0 .. 1."""
+
+    EXR_HALF = "EXR_HALF"
+    EXR_FULL = "EXR_FULL"
+    PNG_8 = "PNG_8"
+    PNG_16 = "PNG_16"
+    HDR = "HDR"
+
+    @property
+    def extension(self) -> str:
+        return "." + self.value.partition("_")[0].lower()
+
+    @property
+    def is_linear(self) -> bool:
+        return self not in {ImageFormat.PNG_8, ImageFormat.PNG_16}
+
+
 @dataclass(frozen=True)
 class OutputSettings:
     """Where the result goes.
@@ -42,17 +62,21 @@ class OutputSettings:
     ----------
     target : Target
     attribute_name : str
+        Of the colour attribute; with target LIGHTMAP of the image, and of the UV map that unwrapping makes.
     scale : Scale
     shared_meshes : SharedMeshes
     corner_copy : bool
         With target FACE, also write a flat CORNER colour attribute, which viewport, painting and exporters can see.
     exposure : float
         Stops by which light is brightened before it is stored, -32 .. 32. Obscurances have none.
+    image_path : str
+        File of the lightmap; '' packs it into the .blend.
+    image_format : ImageFormat
 
     Raises
     ------
     SettingsError
-        When the exposure is out of range.
+        When the exposure is out of range, or a lightmap should be the mean over the users of a mesh.
     """
 
     target: Target = Target.FACE
@@ -61,19 +85,25 @@ class OutputSettings:
     shared_meshes: SharedMeshes = SharedMeshes.SEPARATE
     corner_copy: bool = True
     exposure: float = 0.0
+    image_path: str = ""
+    image_format: ImageFormat = ImageFormat.EXR_HALF
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "target", Target(self.target))
         object.__setattr__(self, "scale", Scale(self.scale))
         object.__setattr__(self, "shared_meshes", SharedMeshes(self.shared_meshes))
-
+        object.__setattr__(self, "image_format", member_of(ImageFormat, self.image_format, "image format"))
+        if self.target is Target.LIGHTMAP and self.shared_meshes is SharedMeshes.AVERAGE:
+            raise SettingsError("a lightmap has room for each object: use shared meshes SEPARATE with it")
         if not -MAX_EXPOSURE <= self.exposure <= MAX_EXPOSURE:
             raise SettingsError(
                 f"exposure is {self.exposure:g} stops, allowed are -{MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}"
             )
 
     def layers(self) -> list[tuple[str, str]]:
-        """Names and domains to write, the one to show first."""
+        """Names and domains of the colour attributes to write, the one to show first."""
+        if self.target is Target.LIGHTMAP:
+            return []
         layers = [(self.attribute_name, self.target.value)]
         if self.target is Target.FACE and self.corner_copy:
             layers.insert(0, (self.attribute_name + _CORNER_SUFFIX, "CORNER"))

@@ -8,63 +8,19 @@ import typing
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from ..core.falloff import Falloff
-from ..core.light_settings import MAX_REFLECTORS, Ambient, LightSettings, Quantity
-from ..core.settings import MAX_RAYS_PER_PATCH, MAX_THREADS, BakeSettings, Sampler
-from .output_settings import MAX_EXPOSURE, OutputSettings, Scale, SharedMeshes, Target
+from ..core.light_settings import MAX_REFLECTORS, LightSettings
+from ..core.lightmap_settings import (
+    MAX_ERROR_BOUND,
+    MAX_MARGIN,
+    MAX_SIZE,
+    MIN_ERROR_BOUND,
+    MIN_SIZE,
+    LightmapSettings,
+)
+from ..core.settings import MAX_RAYS_PER_PATCH, MAX_THREADS, BakeSettings
+from . import choices
+from .output_settings import MAX_EXPOSURE, OutputSettings
 from .stored_preferences import preferred_threads
-
-_QUANTITIES = (
-    (Quantity.OBSCURANCE, "Obscurance", "How open each place is, tinted by its surroundings; no light is needed"),
-    (Quantity.AMBIENT, "Ambient Light", "All indirect light, to be added to the direct light of a renderer"),
-    (Quantity.DIRECT, "Direct Light", "The light of lamps, shining faces and the world, with shadows"),
-    (Quantity.COMBINED, "Combined Light", "Direct and ambient light, and what faces emit: a finished lighting"),
-    (
-        Quantity.RADIOSITY,
-        "Radiosity",
-        "The same with all indirect light computed in full, as a reference: slow, and for whole faces only",
-    ),
-)
-_AMBIENTS = (
-    (Ambient.RECEIVED, "Light Received", "From the direct light that surfaces receive and scatter"),
-    (Ambient.EMISSION, "Light Emitted", "From what lamps and surfaces emit, as published in 2003"),
-)
-_REFLECTOR_MODES = (
-    ("AUTO", "Automatic", "Take the surfaces that scatter most direct light, where they are few"),
-    ("NUMBER", "Number", "Take the number of surfaces given below"),
-)
-_FALLOFFS = (
-    (Falloff.SQRT, "Square Root", "The influence fades fast near a surface and joins open space without an edge"),
-    (Falloff.CBRT, "Cube Root", "The influence fades fastest, so that only close contact darkens"),
-    (Falloff.LINEAR, "Linear", "The influence fades evenly with distance"),
-    (Falloff.EXPONENTIAL, "Exponential", "The influence fades between linear and square root"),
-    (
-        Falloff.STEP,
-        "Step",
-        "Anything within the distance blocks fully: this is classical ambient occlusion, without bleeding",
-    ),
-)
-_TARGETS = (
-    (Target.FACE, "Faces", "Each face gets one color, in a face attribute"),
-    (Target.CORNER, "Face Corners", "Colors vary smoothly over faces and break at sharp edges"),
-    (Target.POINT, "Vertices", "Each vertex gets one color, and colors vary smoothly over all edges"),
-)
-_SCALES = (
-    (Scale.WHITE, "White", "Open faces are white, so that the layer can be multiplied with a material's color"),
-    (Scale.PAPER, "Paper", "Values are obscurances as published: open faces have the scene's mean reflectance"),
-)
-_SHARED = (
-    (SharedMeshes.SEPARATE, "Separate", "Each object that shares a mesh gets a copy of its own"),
-    (SharedMeshes.AVERAGE, "Average", "The mesh stays shared and takes the mean of its objects"),
-)
-_SAMPLERS = (
-    (Sampler.SOBOL, "Sobol", "Rays follow scrambled Sobol points, which leave far less noise for the same number"),
-    (Sampler.RANDOM, "Random", "Rays are random, as a comparison"),
-)
-_DISTANCE_MODES = (
-    ("AUTO", "Automatic", "Rays reach a fifth of the diagonal of the scene's bounding box"),
-    ("METRES", "Metres", "Rays reach the distance given below"),
-)
 
 # What may change over time without a surprise. Where results go, and how they are computed, may not.
 _KEYABLE: set[str] = {"ANIMATABLE"}
@@ -72,30 +28,27 @@ _FIXED: set[str] = set()
 
 _ESTIMATOR_NAMES = [field.name for field in dataclasses.fields(BakeSettings)]
 _LIGHT_NAMES = [field.name for field in dataclasses.fields(LightSettings)]
+_LIGHTMAP_NAMES = [field.name for field in dataclasses.fields(LightmapSettings) if field.name != "size"]
 _OUTPUT_NAMES = [field.name for field in dataclasses.fields(OutputSettings)]
-
-
-def _items(choices: tuple) -> list[tuple[str, str, str]]:
-    return [(str(getattr(value, "value", value)), label, tip) for value, label, tip in choices]
 
 
 class ObscuranceSettings(bpy.types.PropertyGroup):
     """Everything a bake needs to know, saved in the .blend."""
 
     quantity: EnumProperty(
-        name="Quantity", description="Choose what is stored", items=_items(_QUANTITIES), options=_FIXED
+        name="Quantity", description="Choose what is stored", items=choices.QUANTITIES, options=_FIXED
     )
     ambient: EnumProperty(
         name="Ambient From",
         description="Choose what the brightness of the ambient light is computed from",
-        items=_items(_AMBIENTS),
+        items=choices.AMBIENTS,
         options=_KEYABLE,
     )
     reflector_mode: EnumProperty(
         name="Reflectors",
         description="Choose how many surfaces pass on the direct light that they receive, before the rest becomes "
         "ambient light. It matters where lamps stand close to a surface",
-        items=_items(_REFLECTOR_MODES),
+        items=choices.REFLECTOR_MODES,
         options=_KEYABLE,
     )
     reflectors: IntProperty(
@@ -132,7 +85,7 @@ class ObscuranceSettings(bpy.types.PropertyGroup):
     distance_mode: EnumProperty(
         name="Distance Mode",
         description="Choose whether the reach of the rays follows from the size of the scene",
-        items=_items(_DISTANCE_MODES),
+        items=choices.DISTANCE_MODES,
         options=_KEYABLE,
     )
     distance: FloatProperty(
@@ -148,7 +101,7 @@ class ObscuranceSettings(bpy.types.PropertyGroup):
     falloff: EnumProperty(
         name="Falloff",
         description="Choose how the influence of a surface fades with its distance",
-        items=_items(_FALLOFFS),
+        items=choices.FALLOFFS,
         options=_KEYABLE,
     )
     rays: IntProperty(
@@ -170,11 +123,15 @@ class ObscuranceSettings(bpy.types.PropertyGroup):
         options=_FIXED,
     )
     target: EnumProperty(
-        name="Target", description="Choose what gets a color of its own", items=_items(_TARGETS), options=_FIXED
+        name="Target",
+        description="Choose what gets a color of its own",
+        items=choices.TARGETS,
+        options=_FIXED,
     )
     attribute_name: StringProperty(
         name="Attribute",
-        description="Name of the color attribute that holds the result. One that exists already is overwritten",
+        description="Name of the color attribute, or of lightmap and UV map, that hold the result. What an earlier "
+        "bake made of that name is overwritten",
         default="Obscurance",
         options=_FIXED,
     )
@@ -185,17 +142,93 @@ class ObscuranceSettings(bpy.types.PropertyGroup):
         default=True,
         options=_FIXED,
     )
+    lightmap_size: IntProperty(
+        name="Size",
+        description="Width and height of the lightmap in texels",
+        default=LightmapSettings.size,
+        min=MIN_SIZE,
+        max=MAX_SIZE,
+        step=256,
+        options=_FIXED,
+    )
+    resolution_mode: EnumProperty(
+        name="Resolution",
+        description="Choose what sets the number of texels on a surface",
+        items=choices.RESOLUTIONS,
+        options=_FIXED,
+    )
+    texels_per_metre: FloatProperty(
+        name="Texels per Metre",
+        description="Number of texels along one metre of a surface, the same for all objects",
+        default=64.0,
+        min=1e-3,
+        soft_max=1024.0,
+        options=_FIXED,
+    )
+    uv_mode: EnumProperty(
+        name="UV Map",
+        description="Choose where faces lie in the lightmap",
+        items=choices.UV_MODES,
+        options=_FIXED,
+    )
+    uv_map: StringProperty(
+        name="Name",
+        description="Name of the UV map to keep. Empty takes the one that each mesh renders with",
+        options=_FIXED,
+    )
+    margin: IntProperty(
+        name="Margin",
+        description="Texels by which colors are continued beyond the faces, at a size of 1024. It grows with the size",
+        default=LightmapSettings.margin,
+        min=0,
+        max=MAX_MARGIN,
+        options=_FIXED,
+    )
+    adaptive: BoolProperty(
+        name="Adaptive",
+        description="Cast rays from few texels where the surroundings are far and smooth, and interpolate the others. "
+        "Without it rays leave every texel, as a reference",
+        default=True,
+        options=_FIXED,
+    )
+    error_bound: FloatProperty(
+        name="Error Bound",
+        description="How far an interpolated color may be off, where an open texel is 1",
+        default=LightmapSettings.error_bound,
+        min=MIN_ERROR_BOUND,
+        max=MAX_ERROR_BOUND,
+        precision=4,
+        options=_FIXED,
+    )
+    image_path: StringProperty(
+        name="Image",
+        description="File to save the lightmap to, // being the folder of the .blend. Empty packs it into the .blend",
+        subtype="FILE_PATH",
+        options=_FIXED,
+    )
+    image_format: EnumProperty(
+        name="Format",
+        description="Choose how the colors of the lightmap are stored",
+        items=choices.IMAGE_FORMATS,
+        options=_FIXED,
+    )
     scale: EnumProperty(
-        name="Scale", description="Choose which value an open face gets", items=_items(_SCALES), options=_KEYABLE
+        name="Scale",
+        description="Choose which value an open face gets",
+        items=choices.SCALES,
+        options=_KEYABLE,
     )
     shared_meshes: EnumProperty(
         name="Shared Meshes",
         description="Choose what happens to a mesh that several objects use",
-        items=_items(_SHARED),
+        items=choices.SHARED,
         options=_FIXED,
     )
     sampler: EnumProperty(
-        name="Sampler", description="Choose where rays start and go", items=_items(_SAMPLERS), options=_FIXED
+        name="Sampler",
+        description="Choose where rays start and go",
+        items=choices.SAMPLERS,
+        options=_FIXED,
     )
     seed: IntProperty(
         name="Seed",
@@ -226,6 +259,15 @@ class ObscuranceSettings(bpy.types.PropertyGroup):
         own = {name: getattr(self, name) for name in _LIGHT_NAMES}
         own["reflectors"] = None if self.reflector_mode == "AUTO" else self.reflectors
         return LightSettings(**own | changes)
+
+    def to_lightmap(self, **changes: object) -> LightmapSettings:
+        """Settings of the lightmap, with some of them changed; raises SettingsError naming what is out of range."""
+        own = {name: getattr(self, name) for name in _LIGHTMAP_NAMES}
+        own["size"] = self.lightmap_size
+        own["error_bound"] = round(self.error_bound, 7)  # the property has single precision
+        if self.resolution_mode == "SIZE":
+            own["texels_per_metre"] = None
+        return LightmapSettings(**own | changes)
 
     def changed(self) -> dict[str, object]:
         """Settings that were given a value, by name; the others have their defaults."""

@@ -19,7 +19,10 @@ class SceneChangedError(ObscuranceError):
 def write_values(baked: list[BakedObject], values: list[np.ndarray], output: OutputSettings, stored: str) -> list[str]:
     """Put the values of all objects into attributes, and note that they are `stored`; on failure all is as it was."""
     by_uid = {ob.session_uid: ob for ob in bpy.data.objects}  # references do not survive an undo
-    objects = [_unchanged(b, by_uid.get(b.session_uid), output) for b in baked]
+    objects = [unchanged(b, by_uid.get(b.session_uid)) for b in baked]
+    for ob in objects:
+        for layer, _domain in output.layers():
+            color_attribute.check_name(ob, layer)
     groups: dict[int, list[int]] = {}
     for i, ob in enumerate(objects):
         groups.setdefault(ob.data.session_uid, []).append(i)
@@ -33,7 +36,7 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
                 mean = np.mean([values[i] for i in members], axis=0)
                 jobs.append((objects[members[0]].data, mean, baked[members[0]]))
                 continue
-            _separate([objects[i] for i in members], copies, notes)
+            separate([objects[i] for i in members], copies, notes)
             jobs += [(objects[i].data, values[i], baked[i]) for i in members]
         for mesh, _, _ in jobs:
             for name, domain in output.layers():
@@ -41,9 +44,7 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
     except BaseException:
         for made in prepared:
             color_attribute.discard(*made)
-        for ob, mesh in copies:
-            copy, ob.data = ob.data, mesh
-            bpy.data.meshes.remove(copy)
+        rejoin(copies)
         raise
     layers = iter(prepared)
     for mesh, colours, source in jobs:
@@ -61,7 +62,7 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
     return notes
 
 
-def _separate(
+def separate(
     users: list[bpy.types.Object], copies: list[tuple[bpy.types.Object, bpy.types.Mesh]], notes: list[str]
 ) -> None:
     """Give each object a mesh of its own; the first keeps the mesh unless objects that are not baked use it too."""
@@ -77,7 +78,14 @@ def _separate(
         notes.append(f"mesh '{mesh.name}' is shared, so these got a copy of their own: {names}")
 
 
-def _unchanged(baked: BakedObject, ob: bpy.types.Object | None, output: OutputSettings) -> bpy.types.Object:
+def rejoin(copies: list[tuple[bpy.types.Object, bpy.types.Mesh]]) -> None:
+    """Undo `separate`."""
+    for ob, mesh in copies:
+        copy, ob.data = ob.data, mesh
+        bpy.data.meshes.remove(copy)
+
+
+def unchanged(baked: BakedObject, ob: bpy.types.Object | None) -> bpy.types.Object:
     """The object, once sure that it still has the faces that were baked."""
     name = baked.snapshot.name
     if ob is None or ob.type != "MESH":
@@ -87,6 +95,4 @@ def _unchanged(baked: BakedObject, ob: bpy.types.Object | None, output: OutputSe
         raise SceneChangedError(f"object '{name}' is in Edit Mode: leave it and bake again")
     if not same_faces(mesh, base):
         raise SceneChangedError(f"the mesh of object '{name}' was edited during the bake: bake again")
-    for layer, _domain in output.layers():
-        color_attribute.check_name(ob, layer)
     return ob

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..core.errors import GeometryError
 from ..core.light_records import LightSources
+from ..core.lightmap_settings import LightmapSettings, UvMode
 from .carried_indices import carried_indices, with_own_origins
 from .lights import LightReader, read_world
 from .materials import ImageCache, Shading, SurfaceArrays, node_tree_of, read_surface, snapshot_material
@@ -58,6 +59,7 @@ def snapshot_scene(
     needs_rest: bool = False,
     baked_layers: Sequence[str] = (),
     needs_light: bool = False,
+    lightmap: LightmapSettings | None = None,
 ) -> SceneSnapshot:
     """Read the objects to bake and everything that occludes them.
 
@@ -73,6 +75,9 @@ def snapshot_scene(
         Colour attributes that the bake will write; materials that read them see white.
     needs_light : bool
         Read lights and world too.
+    lightmap : LightmapSettings, optional
+        Where a lightmap is baked: read the UV map that it keeps; or leave out modifiers that change which faces there
+        are, for whose faces no UV map could be written.
 
     Returns
     -------
@@ -81,13 +86,13 @@ def snapshot_scene(
     Raises
     ------
     GeometryError
-        When none of the objects to bake is visible.
+        When none of the objects to bake is visible, or one lacks the UV map to keep.
     """
     objects = list(objects)
     notes: list[str] = []
     with carried_indices(objects, needs_rest) as first_index:
         depsgraph = context.evaluated_depsgraph_get()
-        reader = _Reader(context, notes, baked_layers, LightReader(notes) if needs_light else None)
+        reader = _Reader(context, notes, baked_layers, LightReader(notes) if needs_light else None, lightmap)
         wanted = {ob.session_uid: ob for ob in objects}
         found: dict[int, ObjectSnapshot] = {}
         occluders = []
@@ -118,18 +123,32 @@ def _baked_object(
     ob: bpy.types.Object, snapshot: ObjectSnapshot, first_index: int | None, reader: _Reader
 ) -> BakedObject:
     """Tie what is seen of an object to its unmodified mesh, whose face indices were carried from `first_index` on."""
+    if reader.lightmap is not None and reader.lightmap.uv_mode is UvMode.KEEP:
+        return _with_kept_uv(ob, snapshot, reader.lightmap)
     base = read_mesh(ob.data)
     mesh = with_own_origins(snapshot.mesh, base, first_index)
     if mesh.face_origin is None:
         base = mesh
-    elif not mesh.face_origin.any():
+    elif reader.lightmap is not None or not mesh.face_origin.any():
+        why, cure = "keep no link to the faces they started from", ""
+        if reader.lightmap is not None:
+            why, cure = "change which faces there are", ", or keep the UV map of this bake in the next one,"
         reader.notes.append(
-            f"object '{ob.name}': its modifiers keep no link to the faces they started from, so its unmodified mesh "
-            "was baked; apply the modifiers to bake what they make"
+            f"object '{ob.name}': its modifiers {why}, so its unmodified mesh was baked; apply the modifiers{cure} to "
+            "bake what they make"
         )
         base = mesh = replace(base, face_origin=None, rest=None)
         snapshot = replace(snapshot, surface=read_surface(ob.data, snapshot.shadings, reader.baked_layers))
     return BakedObject(replace(snapshot, mesh=mesh), base, ob.session_uid)
+
+
+def _with_kept_uv(ob: bpy.types.Object, snapshot: ObjectSnapshot, lightmap: LightmapSettings) -> BakedObject:
+    """An object as modifiers make it, with the UV map that came with it."""
+    if snapshot.mesh.uv is None:
+        missing = f"no UV map named '{lightmap.uv_map}'" if lightmap.uv_map else "no UV map"
+        raise GeometryError(f"object '{ob.name}' has {missing} to keep: choose another one, or let the bake unwrap")
+    mesh = replace(snapshot.mesh, face_origin=None, rest=None)
+    return BakedObject(replace(snapshot, mesh=mesh), mesh, ob.session_uid)
 
 
 class _Reader:
@@ -141,7 +160,9 @@ class _Reader:
         notes: list[str],
         baked_layers: Sequence[str],
         lights: LightReader | None,
+        lightmap: LightmapSettings | None,
     ) -> None:
+        self.lightmap = lightmap
         self.baked_layers = baked_layers
         self._lights = lights
         self._scene = context.scene
@@ -182,7 +203,7 @@ class _Reader:
         if surface_key not in self._surfaces:
             mesh = ob.to_mesh()  # not ob.data, which lacks the last subdivision where the graphics card makes it
             if key not in self._meshes:
-                self._meshes[key] = read_mesh(mesh)
+                self._meshes[key] = read_mesh(mesh, self.lightmap and self.lightmap.uv_map)
             else:
                 mesh.calc_loop_triangles()
             self._surfaces[surface_key] = read_surface(mesh, shadings, self.baked_layers)

@@ -89,6 +89,7 @@ def gather_direct_light(
     settings: BakeSettings,
     *,
     valid: np.ndarray | None = None,
+    with_openness: bool = True,
     replicate: int = 0,
     progress: Callable[[int], None] = lambda _rays: None,
     block_rays: int = BLOCK_RAYS,
@@ -104,6 +105,8 @@ def gather_direct_light(
         Sampler, seed and threads.
     valid : ndarray, (q,) float64, q <= p, optional
         Known shares outside of solids of the first patches, from as many rays of the same points.
+    with_openness : bool
+        Cast rays to find `hit_share`, also where nothing else needs them; else it is 0 there.
     replicate : int
         0 for the bake; other numbers give independent samples.
     progress : callable
@@ -123,7 +126,8 @@ def gather_direct_light(
         sparse = slice(None) if scene.traced.solid is None else slice(0, known)
         far_rays[sparse] = openness_rays[sparse]
     far = _FarRays(scene, PatchSamples(cells, scene.ids, far_rays, settings, replicate, block_rays), progress)
-    rays = far.samples.run(every, far.cast)
+    needed = scene.shines_on_rays or with_openness or known < n_patches
+    rays = far.samples.run(every, far.cast) if needed else 0
 
     def per_patch_mean(sums: np.ndarray, samples: PatchSamples) -> np.ndarray:
         share = cells.weight / samples.count
@@ -131,7 +135,7 @@ def gather_direct_light(
 
     found = per_patch_mean(far.sums, far.samples)
     wide = np.flatnonzero((openness_rays > far_rays)[cells.patch] & (cells.patch < known))
-    if len(wide):  # large patches, whose own number of rays says too little of the scene
+    if len(wide) and with_openness:  # large patches, whose own number of rays says too little of the scene
         more = _FarRays(scene, PatchSamples(cells, scene.ids, openness_rays, settings, replicate, block_rays), progress)
         rays += more.samples.run(wide, more.cast)
         patches = np.unique(cells.patch[wide])

@@ -44,6 +44,28 @@ class IndirectLight:
     reflectors: Reflectors | None = None
 
 
+def ambient_of_scene(
+    lit: LitPatches,
+    r_ave: np.ndarray,
+    emitted: np.ndarray,
+    settings: BakeSettings,
+    light: LightSettings,
+    monitor: Monitor,
+) -> tuple[Reflectors | None, tuple[AmbientLight, AmbientLight], int]:
+    """Who passes light on and the ambient light that is left, where no patch is to be baked: for other receivers.
+
+    Returns
+    -------
+    reflectors : Reflectors or None
+    ambient : tuple of two AmbientLight
+        From independent samples.
+    rays : int
+    """
+    passed = _pass_on(lit, settings, light, monitor)
+    one, other = (_ambient(lit, r_ave, left, emitted, settings, light) for left in passed.left)
+    return passed.reflectors, (one, other), passed.rays
+
+
 def light_by_obscurances(
     lit: LitPatches,
     obscurances: Obscurances,

@@ -11,6 +11,7 @@ from .errors import SettingsError
 from .settings import member_of, whole_number
 
 MIN_SIZE, MAX_SIZE = 256, 8192
+MAX_MARGIN = 64
 MARGIN_SIZE = 1024  # the page size for which the margin is given
 MIN_ERROR_BOUND, MAX_ERROR_BOUND = 1e-4, 0.5
 
@@ -59,7 +60,7 @@ class LightmapSettings:
     def __post_init__(self) -> None:
         object.__setattr__(self, "size", whole_number("lightmap size", self.size, MIN_SIZE, MAX_SIZE))
         object.__setattr__(self, "uv_mode", member_of(UvMode, self.uv_mode, "UV mode"))
-        object.__setattr__(self, "margin", whole_number("margin", self.margin, 0, 64))
+        object.__setattr__(self, "margin", whole_number("margin", self.margin, 0, MAX_MARGIN))
         density = self.texels_per_metre
         if density is not None and not (isinstance(density, numbers.Real) and 0.0 < density < math.inf):
             raise SettingsError(f"texels per metre is {density!r}: give a number above 0, or a size alone")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .adaptive_texels import AdaptiveTexels
-from .ambient import mean_reflectance
+from .ambient import AmbientLight, mean_reflectance
 from .bake import precision_warnings
 from .embree import EmbreeIntersector
 from .lightmap import AtlasLayout, TexelCounts, estimate_pages, rays_per_texel
@@ -44,6 +44,8 @@ class Lightmap:
     d_max : float
         Metres.
     rays, error_rays : int
+    ambient, reflectors, reflected_share
+        As of `light_records.BakedLight`.
     seconds : dict of str to float
         Per phase: build, trace, margin.
     warnings : list of str
@@ -58,6 +60,9 @@ class Lightmap:
     d_max: float
     rays: int
     error_rays: int
+    ambient: AmbientLight | None = None
+    reflectors: int = 0
+    reflected_share: float = 0.0
     seconds: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
@@ -107,63 +112,72 @@ def bake_lightmap(
     triangles = layout.triangles(lightmap.size, normalisation)
     built = time.perf_counter()
     face_area = scene.cells.area * normalisation.scale**2
-    estimator = _Obscurances(
-        TexelTracer(
-            scene,
-            rays_per_texel(settings, triangles.texels()),
-            _as_grey(surfaces, settings, white),
-            lambda _rays: monitor.advance(0),
-            block_rays,
-        ),
-        white,
-        _open_value(mean_reflectance(surfaces, face_area, np.ones(len(patches)), None), settings, white),
-        lightmap,
+    guess = open_value(mean_reflectance(surfaces, face_area, np.ones(len(patches)), None), settings, white)
+    tracer = TexelTracer(
+        scene,
+        rays_per_texel(settings, triangles.texels()),
+        channels_as_grey(surfaces, settings, white),
+        lambda _rays: monitor.advance(0),
+        block_rays,
     )
+    estimator = _Obscurances(TexelObscurances(tracer, guess, lightmap), guess, white)
     monitor.phase("trace", int(triangles.texels()))
     pages, counts = estimate_pages(triangles, layout.pages, len(patches), lightmap, estimator, monitor)
     traced = time.perf_counter()
     r_ave = mean_reflectance(surfaces, face_area, counts.exposed(), patch_reflectance)
-    estimator.open_value = _open_value(r_ave, settings, white)
+    estimator.open_value = open_value(r_ave, settings, white)
     finished = [page.finish(estimator, lightmap.margin_texels, lambda: monitor.advance(0)) for page in pages]
     return Lightmap(
         pages=finished,
         counts=counts,
-        traced=estimator.traced,
+        traced=estimator.source.traced,
         use=counts.texels / (layout.pages * lightmap.size**2),
         r_ave=r_ave,
         rmse=counts.rmse(estimator.finish),
         d_max=d_max,
-        rays=estimator.tracer.rays - estimator.error_rays,
+        rays=tracer.rays - estimator.error_rays,
         error_rays=estimator.error_rays,
         seconds={"build": built - began, "trace": traced - built, "margin": time.perf_counter() - traced},
         warnings=precision_warnings(scene, d_max, normalisation.scale),
     )
 
 
-def _as_grey(surfaces: Surfaces, settings: BakeSettings, white: bool) -> np.ndarray:
+def channels_as_grey(surfaces: Surfaces, settings: BakeSettings, white: bool) -> np.ndarray:
     """(3,) bool: channels in which W is taken without colour, because there is none to relate it to."""
     if not settings.use_bleeding:
         return np.ones(3, bool)
     return white & ~(surfaces.reflectance > 0.0).any(0)
 
 
-def _open_value(r_ave: np.ndarray, settings: BakeSettings, white: bool) -> np.ndarray:
+def open_value(r_ave: np.ndarray, settings: BakeSettings, white: bool) -> np.ndarray:
     """W of a texel whose rays all miss, (3,)."""
     if not settings.use_bleeding:
         return np.ones(3)
     return np.where(white & (r_ave <= 0.0), 1.0, r_ave)
 
 
-class _Obscurances:
-    """Estimates obscurances; `open_value` (3,) may be a guess until the texels are finished."""
+class TexelObscurances:
+    """Obscurances of bands of texels, traced or interpolated.
 
-    def __init__(self, tracer: TexelTracer, white: bool, open_value: np.ndarray, lightmap: LightmapSettings) -> None:
-        self.tracer, self.open_value = tracer, open_value
-        self.traced = self.error_rays = 0
-        self._white = white
+    Parameters
+    ----------
+    tracer : TexelTracer
+    open_value : ndarray, (3,)
+        About what an open texel has.
+    lightmap : LightmapSettings
+
+    Attributes
+    ----------
+    traced : int
+        Texels so far that cast rays.
+    """
+
+    def __init__(self, tracer: TexelTracer, open_value: np.ndarray, lightmap: LightmapSettings) -> None:
+        self.tracer, self.traced = tracer, 0
         self._adaptive = AdaptiveTexels(tracer, open_value, lightmap.error_bound) if lightmap.adaptive else None
 
     def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """As of `TexelEstimator`, with values as of `TexelValues`."""
         if self._adaptive is None:
             found = self.tracer.trace(texels, np.arange(n))
             self.traced += n
@@ -175,10 +189,21 @@ class _Obscurances:
         self.traced += n - int(np.count_nonzero((band.between & ~band.known)[:n]))
         return band.values[:n], band.valid[:n]
 
+
+class _Obscurances:
+    """Estimates obscurances; `open_value` (3,) may be a guess until the texels are finished."""
+
+    def __init__(self, source: TexelObscurances, open_value: np.ndarray, white: bool) -> None:
+        self.source, self.open_value, self._white = source, open_value, white
+        self.error_rays = 0
+
+    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        return self.source.estimate(texels, n, rows)
+
     def repeat(self, texels: Texels, chosen: np.ndarray, replicate: int) -> np.ndarray:
-        before = self.tracer.rays
-        values = self.tracer.trace(texels, chosen, replicate=replicate).values
-        self.error_rays += self.tracer.rays - before
+        before = self.source.tracer.rays
+        values = self.source.tracer.trace(texels, chosen, replicate=replicate).values
+        self.error_rays += self.source.tracer.rays - before
         return values
 
     def finish(self, values: np.ndarray) -> None:

@@ -240,6 +240,25 @@ class Cells:
         )
 
 
+def as_triangles(cells: Cells) -> Cells:
+    """The same cells as triangles: two for each parallelogram."""
+    if not cells.are_parallelograms:
+        return cells
+    frames = np.repeat(cells.frames, 2, axis=0)
+    frames[1::2, 2, :3] += frames[1::2, 0, :3] + frames[1::2, 1, :3]
+    frames[1::2, :2, :3] *= np.float32(-1.0)
+    offset, patch, weight = (np.repeat(values, 2) for values in (cells.offset, cells.patch, cells.weight))
+    return Cells(frames, offset, patch, 0.5 * weight, cells.area)
+
+
+def join_cells(one: Cells, other: Cells) -> Cells:
+    """The triangles of one set of patches, then of another, whose patches are numbered after the first."""
+    patch = np.concatenate([one.patch, other.patch + len(one.area)])
+    parts = ((getattr(one, name), getattr(other, name)) for name in ("frames", "offset", "weight", "area"))
+    frames, offset, weight, area = map(np.concatenate, parts)
+    return Cells(frames, offset, patch, weight, area)
+
+
 def prepare_cells(patches: Patches, normalisation: Normalisation, threads: int) -> Cells:
     """Drop unusable cells and precompute the frames of the others."""
 

@@ -129,6 +129,50 @@ def gather_form_factors(
     )
 
 
+def gather_radiosity(
+    scene: LitScene,
+    radiosity: np.ndarray,
+    per_patch: np.ndarray,
+    settings: BakeSettings,
+    *,
+    replicate: int = 0,
+    progress: Callable[[int], None] = lambda _rays: None,
+    block_rays: int = BLOCK_RAYS,
+) -> tuple[np.ndarray, int]:
+    """What receivers that are none of the patches get from them: a final gather.
+
+    Parameters
+    ----------
+    scene : LitScene
+        Its cells and ids are those of the r receivers, its surfaces name the patch of each triangle.
+    radiosity : ndarray, (p, 3) float64
+        Of the patches, W/m^2.
+    per_patch : ndarray, (r,) int
+        Rays of each receiver.
+    settings, replicate, progress, block_rays
+        As for `gather_form_factors`.
+
+    Returns
+    -------
+    irradiance : ndarray, (r, 3) float64
+        W/m^2, over all of each receiver.
+    rays : int
+    """
+    cells = scene.traced.cells
+    samples = PatchSamples(cells, scene.ids, per_patch, settings, replicate, block_rays)
+    light = np.concatenate([radiosity, np.zeros((1, 3))]).astype(np.float32)  # the last one is that of nothing
+    sums = np.zeros((len(cells.patch), 3))
+
+    def cast(block: np.ndarray, rows: np.ndarray) -> None:
+        target = _patch_seen(scene, samples.origins(block, rows), samples.directions(block, rows))
+        sums[block] += light[target].reshape(*rows.shape[:2], 3).sum(1, dtype=np.float64)
+        progress(len(target))
+
+    rays = samples.run(np.arange(len(cells.patch)), cast)
+    share = cells.weight / samples.count
+    return np.stack([np.bincount(cells.patch, column * share, len(cells.area)) for column in sums.T], -1), rays
+
+
 def solve_radiosity(
     factors: FormFactors,
     reflectance: np.ndarray,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .obscurance import ObscuranceSums, gather_obscurances
-from .patches import Cells
+from .patches import Cells, as_triangles
 from .settings import BakeSettings
 from .texels import Texels
 from .traced_scene import TracedScene
@@ -109,3 +109,15 @@ def chosen_cells(texels: Texels, chosen: np.ndarray) -> tuple[Cells, Cells]:
             )
         )
     return found[0], found[1]
+
+
+def texel_triangles(texels: Texels, chosen: np.ndarray) -> Cells:
+    """All cells of the texels `chosen` (m,) int, which are numbered anew, as triangles."""
+    whole, parts = chosen_cells(texels, chosen)
+    whole = as_triangles(whole)
+    patch = np.concatenate([whole.patch, parts.patch])
+    order = np.argsort(patch, kind="stable")
+    frames, offset, weight = (
+        np.concatenate([getattr(whole, name), getattr(parts, name)])[order] for name in ("frames", "offset", "weight")
+    )
+    return Cells(frames, offset, patch[order], weight, whole.area)

@@ -25,8 +25,8 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
     bl_idname = "obscurance.bake"
     bl_label = "Bake Obscurances"
     bl_description = (
-        "Bake obscurances of the selected mesh objects into a color attribute. Everything else that renders shades "
-        "and tints them. Esc cancels"
+        "Bake obscurances of the selected mesh objects into a color attribute or a lightmap. Everything else that "
+        "renders shades and tints them. Esc cancels"
     )
     bl_options = {"REGISTER", "UNDO"}
 
@@ -141,6 +141,7 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
             group.to_settings(**changes),
             group.to_output(scale=self.scale),
             group.to_light(quantity=self.quantity),
+            group.to_lightmap(),
         )
 
     def _fail(self, context: bpy.types.Context, error: BaseException) -> set[str]:

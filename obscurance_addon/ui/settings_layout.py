@@ -39,15 +39,43 @@ def draw_settings(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup)
     row.active = settings.ray_budget == 0
     row.prop(settings, "rays")
 
+    if settings.target == "LIGHTMAP":
+        _draw_lightmap_fineness(column, settings)
+
     column = layout.column()
     column.label(text="Where To")
     column.prop(settings, "target")
-    column.prop(settings, "attribute_name")
-    row = column.row()
-    row.active = settings.target == "FACE"
-    row.prop(settings, "corner_copy")
+    if settings.target == "LIGHTMAP":
+        _draw_lightmap(column, settings)
+    else:
+        column.prop(settings, "attribute_name")
+        row = column.row()
+        row.active = settings.target == "FACE"
+        row.prop(settings, "corner_copy")
     column.prop(settings, "scale" if settings.quantity == "OBSCURANCE" else "exposure")
-    column.prop(settings, "shared_meshes", text="Shared")
+    if settings.target != "LIGHTMAP":
+        column.prop(settings, "shared_meshes", text="Shared")
+
+
+def _draw_lightmap_fineness(column: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    column.prop(settings, "resolution_mode")
+    column.prop(settings, "lightmap_size")
+    if settings.resolution_mode == "DENSITY":
+        column.prop(settings, "texels_per_metre")
+    column.prop(settings, "adaptive")
+    row = column.row()
+    row.active = settings.adaptive
+    row.prop(settings, "error_bound")
+
+
+def _draw_lightmap(column: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    column.prop(settings, "attribute_name", text="Name")
+    column.prop(settings, "image_path")
+    column.prop(settings, "image_format")
+    column.prop(settings, "uv_mode")
+    if settings.uv_mode == "KEEP":
+        column.prop(settings, "uv_map")
+    column.prop(settings, "margin")
 
 
 def draw_message(layout: bpy.types.UILayout, text: str, icon: str, width: float) -> None:

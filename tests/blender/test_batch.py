@@ -187,6 +187,8 @@ def test_options_win_over_the_settings_of_the_file(scene, tmp_path):
     arguments = "--target POINT --attribute Shade --rays 8 --distance 0.5 --falloff LINEAR --no-bleeding --scale PAPER"
     arguments += " --sampler RANDOM --seed 3 --threads 2 --shared-meshes AVERAGE"
     arguments += " --quantity AMBIENT --ambient EMISSION --reflectors 7 --indirect-only --exposure -2"
+    arguments += " --size 512 --texels-per-metre 20 --uv-mode KEEP --uv-map Own --margin 4 --no-adaptive"
+    arguments += " --error-bound 0.25 --image a.png --image-format PNG_8"
     assert run(scene, *arguments.split(), "--report", report) == 0
     settings = json.loads(report.read_text())["files"][0]["settings"]
     assert settings == {
@@ -208,6 +210,15 @@ def test_options_win_over_the_settings_of_the_file(scene, tmp_path):
         "reflectors": 7,
         "indirect_only": True,
         "exposure": -2.0,
+        "lightmap_size": 512,
+        "texels_per_metre": 20.0,
+        "uv_mode": "KEEP",
+        "uv_map": "Own",
+        "margin": 4,
+        "adaptive": False,
+        "error_bound": 0.25,
+        "image_path": "a.png",
+        "image_format": "PNG_8",
     }
     attribute = load(scene)["Floor"].data.attributes["Shade"]
     assert (attribute.data_type, attribute.domain) == ("FLOAT_COLOR", "POINT")
@@ -445,11 +456,11 @@ def test_a_file_that_fails_does_not_stop_the_others(scene, tmp_path, make, capsy
 
 def test_an_unexpected_error_in_one_file_does_not_stop_the_others(scene, tmp_path, monkeypatch, capsys):
     """Out of memory, say: the next file may be smaller."""
-    from obscurance_addon.blender import bake_job
+    from obscurance_addon.blender import attribute_bake
 
     other = tmp_path / "other.blend"
     other.write_bytes(scene.read_bytes())
-    bake, calls = bake_job.bake_obscurances, []
+    bake, calls = attribute_bake.bake_obscurances, []
 
     def fails_once(*arguments, **keywords):
         calls.append(1)
@@ -457,7 +468,7 @@ def test_an_unexpected_error_in_one_file_does_not_stop_the_others(scene, tmp_pat
             raise MemoryError("Unable to allocate 90 GiB")
         return bake(*arguments, **keywords)
 
-    monkeypatch.setattr(bake_job, "bake_obscurances", fails_once)
+    monkeypatch.setattr(attribute_bake, "bake_obscurances", fails_once)
     assert run(scene, other) == 1
     assert f"{scene}: " in capsys.readouterr().err
     assert FACE_LAYER not in load(scene)["Floor"].data.attributes

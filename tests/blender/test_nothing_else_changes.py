@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from obscurance_addon.blender import bake_job, color_attribute
+from obscurance_addon.blender import attribute_bake, color_attribute
 from obscurance_addon.core.errors import BakeCancelledError, ObscuranceError
 from tests.blender.helpers import (
     CORNER_LAYER,
@@ -115,7 +115,7 @@ def test_nothing_changes_when_tracing_fails(monkeypatch):
     def fails(*_arguments, **_keywords):
         raise ObscuranceError("no")
 
-    monkeypatch.setattr(bake_job, "bake_obscurances", fails)
+    monkeypatch.setattr(attribute_bake, "bake_obscurances", fails)
     with pytest.raises(ObscuranceError, match="no"):
         job(ob, other).run()
     assert unlike(before, file_state()) == []

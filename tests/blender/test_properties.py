@@ -5,10 +5,11 @@ import math
 import bpy
 import pytest
 
-from obscurance_addon.blender.output_settings import OutputSettings, Scale, SharedMeshes, Target
+from obscurance_addon.blender.output_settings import ImageFormat, OutputSettings, Scale, SharedMeshes, Target
 from obscurance_addon.core.errors import SettingsError
 from obscurance_addon.core.falloff import Falloff
 from obscurance_addon.core.light_settings import Ambient, LightSettings, Quantity
+from obscurance_addon.core.lightmap_settings import LightmapSettings, UvMode
 from obscurance_addon.core.settings import MAX_RAYS_PER_PATCH, BakeSettings, Sampler
 
 OTHER = {
@@ -32,6 +33,16 @@ OTHER = {
     "reflectors": 16,
     "indirect_only": True,
     "exposure": -1.5,
+    "lightmap_size": 2048,
+    "resolution_mode": "DENSITY",
+    "texels_per_metre": 32.0,
+    "uv_mode": "KEEP",
+    "uv_map": "UVMap",
+    "margin": 8,
+    "adaptive": False,
+    "error_bound": 0.125,
+    "image_path": "//map.png",
+    "image_format": "PNG_16",
 }
 
 
@@ -60,6 +71,7 @@ def test_defaults_are_those_of_the_core(group):
     assert group.to_settings() == BakeSettings()
     assert group.to_output() == OutputSettings()
     assert group.to_light() == LightSettings()
+    assert group.to_lightmap() == LightmapSettings()
     assert group.distance_mode == "AUTO"
 
 
@@ -84,6 +96,17 @@ def test_every_setting_reaches_the_core(group):
         shared_meshes=SharedMeshes.AVERAGE,
         corner_copy=False,
         exposure=-1.5,
+        image_path="//map.png",
+        image_format=ImageFormat.PNG_16,
+    )
+    assert group.to_lightmap() == LightmapSettings(
+        size=2048,
+        texels_per_metre=32.0,
+        uv_mode=UvMode.KEEP,
+        uv_map="UVMap",
+        margin=8,
+        adaptive=False,
+        error_bound=0.125,
     )
     assert group.to_light() == LightSettings(
         quantity=Quantity.RADIOSITY, ambient=Ambient.EMISSION, reflectors=16, indirect_only=True
@@ -100,6 +123,8 @@ def test_every_choice_of_the_core_can_be_made(group):
         ("shared_meshes", SharedMeshes),
         ("quantity", Quantity),
         ("ambient", Ambient),
+        ("uv_mode", UvMode),
+        ("image_format", ImageFormat),
     ):
         items = group.bl_rna.properties[name].enum_items
         assert {item.identifier for item in items} == {member.value for member in kind}
@@ -151,6 +176,9 @@ def test_a_distance_of_0_says_what_to_do(group):
         ("threads", 5000, 1024),
         ("distance", -1.0, 0.0),
         ("ray_budget", -1, 0),
+        ("lightmap_size", 100, 256),
+        ("lightmap_size", 10000, 8192),
+        ("margin", 100, 64),
     ],
 )
 def test_values_out_of_range_are_clamped(group, name, value, kept):
@@ -158,6 +186,7 @@ def test_values_out_of_range_are_clamped(group, name, value, kept):
     setattr(group, name, value)
     assert getattr(group, name) == kept
     assert isinstance(group.to_settings(), BakeSettings)
+    assert isinstance(group.to_lightmap(), LightmapSettings)
 
 
 def test_a_budget_of_0_means_none(group):

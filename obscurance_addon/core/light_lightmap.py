@@ -1,0 +1,262 @@
+"""One bake of light into a lightmap: faces light each other, texels receive.
+
+What surfaces pass on, and the ambient light, is found on whole faces, as in `light_bake`; each texel then gathers its
+own direct light, obscurances, and what the faces pass on.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from .bake import precision_warnings
+from .direct_light import LitScene, gather_direct_light
+from .embree import EmbreeIntersector
+from .light_bake import lit_scene
+from .light_records import LightSources, PatchMaterials
+from .light_settings import LightSettings, Quantity
+from .lightmap import AtlasLayout, estimate_pages, rays_per_texel
+from .lightmap_settings import LightmapSettings
+from .lit_faces import LitFaces, light_up_faces
+from .monitor import Monitor
+from .obscurance_lightmap import Lightmap, TexelObscurances, channels_as_grey, open_value
+from .patch_samples import BLOCK_RAYS
+from .patches import Patches, Surfaces, join_cells
+from .radiosity import check_size, gather_radiosity
+from .ray_casting import Intersector
+from .scene_building import build_scene
+from .secondary_reflectors import redistribute
+from .settings import BakeSettings
+from .texel_obscurances import TexelTracer, chosen_cells, texel_triangles
+from .texels import Texels
+
+
+def bake_light_map(
+    surfaces: Surfaces,
+    patches: Patches,
+    others: Patches,
+    materials: PatchMaterials,
+    sources: LightSources,
+    layout: AtlasLayout,
+    settings: BakeSettings,
+    light: LightSettings,
+    lightmap: LightmapSettings,
+    *,
+    factor: float = 1.0,
+    monitor: Monitor | None = None,
+    intersector: Callable[..., Intersector] = EmbreeIntersector,
+    block_rays: int = BLOCK_RAYS,
+) -> Lightmap:
+    """Compute the light that leaves texels, as radiance in W/(m^2 sr).
+
+    Parameters
+    ----------
+    surfaces, patches, others, materials, sources, settings, light
+        As for `light_bake.bake_light`, with whole faces as patches; `rays` are for each texel.
+    layout : AtlasLayout
+    lightmap : LightmapSettings
+        `adaptive` is for the obscurances: direct light has shadows, which no sparse texel could foresee.
+    factor : float
+        To brighten the light by.
+    monitor, intersector, block_rays
+        As for `bake.bake_obscurances`.
+
+    Raises
+    ------
+    GeometryError
+        When there is nothing to bake, or too much for radiosity.
+    BakeCancelledError
+        When the monitor says so.
+    """
+    monitor = monitor or Monitor()
+    n_faces = len(patches)
+    if light.quantity is Quantity.RADIOSITY:
+        check_size(n_faces + len(others), (n_faces + len(others)) * settings.rays)
+    began = time.perf_counter()
+    traced, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector, whole=True)
+    triangles = layout.triangles(lightmap.size, normalisation)
+    settings = rays_per_texel(settings, triangles.texels())
+    scene = lit_scene(traced, normalisation, patches.with_others(others), sources, settings)
+    built = time.perf_counter()
+    faces = light_up_faces(scene, surfaces, n_faces, materials, sources, normalisation.scale, settings, light, monitor)
+    lit = time.perf_counter()
+    estimator = _TexelLight(
+        faces,
+        TexelTracer(
+            traced, settings, channels_as_grey(surfaces, settings, True), lambda _rays: monitor.advance(0), block_rays
+        ),
+        light,
+        lightmap,
+        factor / np.pi,
+    )
+    monitor.phase("trace", int(triangles.texels()))
+    pages, counts = estimate_pages(triangles, layout.pages, n_faces, lightmap, estimator, monitor)
+    gathered = time.perf_counter()
+    finished = [page.finish(estimator, lightmap.margin_texels, lambda: monitor.advance(0)) for page in pages]
+    return Lightmap(
+        pages=finished,
+        counts=counts,
+        traced=estimator.traced,
+        use=counts.texels / (layout.pages * lightmap.size**2),
+        r_ave=faces.r_ave,
+        rmse=counts.rmse(estimator.finish),
+        d_max=d_max,
+        rays=faces.rays + estimator.rays,
+        error_rays=faces.error_rays + estimator.error_rays,
+        ambient=faces.ambient[0] if faces.ambient else None,
+        reflectors=len(faces.reflectors) if faces.reflectors else 0,
+        reflected_share=faces.reflectors.light_share if faces.reflectors else 0.0,
+        seconds={
+            "build": built - began,
+            "light": lit - built,
+            "trace": gathered - lit,
+            "margin": time.perf_counter() - gathered,
+        },
+        warnings=precision_warnings(traced, d_max, normalisation.scale) + faces.warnings,
+    )
+
+
+class _TexelLight:
+    """Estimates the light of texels; values are radiance at once, times `factor` x pi."""
+
+    def __init__(
+        self, faces: LitFaces, tracer: TexelTracer, light: LightSettings, lightmap: LightmapSettings, factor: float
+    ) -> None:
+        self._faces, self._tracer, self._factor = faces, tracer, factor
+        self._open = open_value(faces.r_ave, tracer.settings, white=True)
+        self._obscurances = TexelObscurances(tracer, self._open, lightmap) if faces.ambient else None
+        self._with_direct = light.quantity is not Quantity.AMBIENT
+        self._with_emission = light.quantity is Quantity.COMBINED
+        if light.quantity is Quantity.RADIOSITY:
+            self._with_direct = self._with_emission = not light.indirect_only
+        self._gathered = self._others_traced = 0
+        self.error_rays = 0
+
+    @property
+    def rays(self) -> int:
+        """Cast for the values."""
+        return self._tracer.rays + self._gathered - self.error_rays
+
+    @property
+    def traced(self) -> int:
+        """Texels that cast rays for obscurances, or for light where there are none."""
+        return self._obscurances.traced if self._obscurances else self._others_traced
+
+    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        values = valid = None
+        if self._obscurances is not None:
+            values, valid = self._obscurances.estimate(texels, n, rows)
+        self._others_traced += n
+        return self._radiance(texels, np.arange(n), values, valid, 0)
+
+    def repeat(self, texels: Texels, chosen: np.ndarray, replicate: int) -> np.ndarray:
+        before = self._tracer.rays + self._gathered
+        values = valid = None
+        if self._obscurances is not None:
+            found = self._tracer.trace(texels, chosen, replicate=replicate)
+            values, valid = found.values, found.valid
+        radiance, _ = self._radiance(texels, chosen, values, valid, replicate)
+        self.error_rays += self._tracer.rays + self._gathered - before
+        return radiance
+
+    def finish(self, values: np.ndarray) -> None:
+        """Nothing is left to do."""
+
+    def open_color(self) -> np.ndarray:
+        return np.zeros(3)
+
+    def _radiance(
+        self, texels: Texels, chosen: np.ndarray, values: np.ndarray | None, valid: np.ndarray | None, replicate: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Values (m, 4) of texels (m,), and their shares outside of solids, from obscurances where there are some."""
+        faces, face = self._faces, texels.face[chosen]
+        irradiance = np.zeros((len(chosen), 3))
+        if self._with_direct or valid is None:
+            direct, valid = self._direct(texels, chosen, valid, replicate)
+            if self._with_direct:
+                irradiance += direct
+        if faces.ambient:
+            white = (values[:, :3] + values[:, 3:] * self._open) / self._open
+            irradiance += white * faces.ambient[min(replicate, 1)].irradiance
+        if faces.reflectors:
+            irradiance += self._passed_on(texels, chosen, valid, replicate)
+        if faces.radiosity is not None:
+            irradiance += self._from_radiosity(texels, chosen, valid, replicate)
+        radiosity = faces.reflectance[face] * irradiance
+        if self._with_emission:
+            radiosity += faces.emission[face]
+        found = np.zeros((len(chosen), 4))
+        found[:, :3] = self._factor * radiosity
+        found[valid <= 0.0] = 0.0
+        return found, valid
+
+    def _direct(
+        self, texels: Texels, chosen: np.ndarray, valid: np.ndarray | None, replicate: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        parts = []
+        for scene in self._scenes(texels, chosen):
+            part = gather_direct_light(
+                scene,
+                np.full(len(chosen), self._tracer.settings.rays),
+                self._tracer.settings,
+                valid=valid,
+                with_openness=False,
+                replicate=replicate,
+                progress=self._tracer.progress,
+                block_rays=self._tracer.block_rays,
+            )
+            self._gathered += part.rays
+            parts.append(part)
+        if valid is None:
+            valid = parts[0].valid + parts[1].valid
+        return parts[0].irradiance + parts[1].irradiance, valid
+
+    def _passed_on(self, texels: Texels, chosen: np.ndarray, valid: np.ndarray, replicate: int) -> np.ndarray:
+        """What the reflectors among the faces pass on, (m, 3)."""
+        faces, lit = self._faces, self._faces.lit
+        cells = join_cells(faces.scene.traced.cells, texel_triangles(texels, chosen))
+        n_faces, m = len(lit.unshot), len(chosen)
+        found = redistribute(
+            replace(
+                faces.scene,
+                traced=replace(faces.scene.traced, cells=cells),
+                ids=np.concatenate([faces.scene.ids, texels.ids[chosen]]),
+            ),
+            faces.reflectors,
+            np.concatenate([lit.unshot_filled() if replicate else lit.unshot, np.zeros((m, 3))]),
+            np.concatenate([lit.direct.valid, valid]),
+            n_faces + np.arange(m),
+            self._tracer.settings,
+            replicate=replicate,
+            progress=self._tracer.progress,
+        )
+        self._gathered += found.rays
+        return found.irradiance
+
+    def _from_radiosity(self, texels: Texels, chosen: np.ndarray, valid: np.ndarray, replicate: int) -> np.ndarray:
+        """What all faces radiate to texels, (m, 3)."""
+        total = np.zeros((len(chosen), 3))
+        for scene in self._scenes(texels, chosen):
+            irradiance, rays = gather_radiosity(
+                scene,
+                self._faces.radiosity,
+                np.full(len(chosen), self._tracer.settings.rays),
+                self._tracer.settings,
+                replicate=replicate,
+                progress=self._tracer.progress,
+                block_rays=self._tracer.block_rays,
+            )
+            self._gathered += rays
+            total += irradiance
+        return total / np.where(valid > 0.0, valid, 1.0)[:, None]
+
+    def _scenes(self, texels: Texels, chosen: np.ndarray) -> list[LitScene]:
+        """The scene with rays leaving the parallelograms of texels, and their triangles."""
+        scene = self._faces.scene
+        return [
+            replace(scene, traced=replace(scene.traced, cells=cells), ids=texels.ids[chosen])
+            for cells in chosen_cells(texels, chosen)
+        ]

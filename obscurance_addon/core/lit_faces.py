@@ -1,0 +1,105 @@
+"""Faces under the light of a scene, as far as receivers that are no patches need to know: the texels of a lightmap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .ambient import AmbientLight, mean_reflectance
+from .direct_light import LitScene
+from .indirect_light import ambient_of_scene
+from .light_bake import light_warnings
+from .light_records import LightSources, PatchMaterials
+from .light_settings import LightSettings, Quantity
+from .lit_patches import LitPatches, light_up
+from .monitor import Monitor
+from .patch_samples import BLOCK_RAYS
+from .patches import Surfaces
+from .radiosity import gather_form_factors, solve_radiosity
+from .reflector_choice import Reflectors
+from .settings import BakeSettings
+
+
+@dataclass(frozen=True)
+class LitFaces:
+    """What texels need to know of the light on faces.
+
+    Attributes
+    ----------
+    lit : LitPatches or None
+        None where nothing is passed on.
+    scene : LitScene
+        Its cells are those of the faces.
+    reflectance, emission : ndarray, (f, 3) float64
+        Of the faces to bake.
+    r_ave : ndarray, (3,)
+    reflectors : Reflectors or None
+    ambient : tuple of two AmbientLight, or None
+        From independent samples.
+    radiosity : ndarray, (p, 3) float64, or None
+        Of all faces, W/m^2, to be gathered.
+    rays, error_rays : int
+    warnings : list of str
+    """
+
+    lit: LitPatches | None
+    scene: LitScene
+    reflectance: np.ndarray
+    emission: np.ndarray
+    r_ave: np.ndarray
+    warnings: list[str]
+    reflectors: Reflectors | None = None
+    ambient: tuple[AmbientLight, AmbientLight] | None = None
+    radiosity: np.ndarray | None = None
+    rays: int = 0
+    error_rays: int = 0
+
+
+def light_up_faces(
+    scene: LitScene,
+    surfaces: Surfaces,
+    n_faces: int,
+    materials: PatchMaterials,
+    sources: LightSources,
+    metres_per_unit: float,
+    settings: BakeSettings,
+    light: LightSettings,
+    monitor: Monitor,
+) -> LitFaces:
+    """Find what faces scatter, who passes it on, and the ambient light; nothing of it for direct light alone."""
+    reflectance, emission = materials.reflectance[:n_faces], materials.emission[:n_faces]
+    area = scene.traced.cells.area * metres_per_unit**2
+    if light.quantity is Quantity.DIRECT:
+        r_ave = mean_reflectance(surfaces, area[:n_faces], np.ones(n_faces), None)
+        return LitFaces(None, scene, reflectance, emission, r_ave, light_warnings(scene, None, None, light))
+    lit = light_up(
+        scene,
+        materials,
+        np.zeros(0, bool),
+        metres_per_unit,
+        settings,
+        least_for_others=settings.rays if light.quantity is Quantity.RADIOSITY else 0,
+        valid=None,
+        monitor=monitor,
+        block_rays=BLOCK_RAYS,
+    )
+    emitted = lit.whole_area @ materials.emission + sum(lamp.flux() for lamp in sources.lamps)
+    found = LitFaces(
+        lit,
+        scene,
+        reflectance,
+        emission,
+        mean_reflectance(surfaces, area[:n_faces], lit.direct.valid[:n_faces], reflectance),
+        light_warnings(scene, lit, emitted, light),
+        rays=lit.rays,
+        error_rays=lit.error_rays,
+    )
+    if light.quantity is Quantity.RADIOSITY:
+        per_patch = np.full(len(area), settings.rays)
+        monitor.phase("radiosity", int(per_patch.sum()))
+        factors = gather_form_factors(scene, per_patch, lit.direct.valid, settings, progress=monitor.advance)
+        indirect = solve_radiosity(factors, materials.reflectance, lit.unshot, check=lambda: monitor.advance(0))
+        return replace(found, radiosity=lit.unshot + indirect, rays=lit.rays + factors.rays)
+    reflectors, ambient, rays = ambient_of_scene(lit, found.r_ave, emitted, settings, light, monitor)
+    return replace(found, reflectors=reflectors, ambient=ambient, rays=lit.rays + rays)

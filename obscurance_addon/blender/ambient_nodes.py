@@ -1,8 +1,8 @@
 """Adds baked ambient light to materials by one node group in front of their output, and takes it out again.
 
-The group adds the attribute as emission that only the camera sees, directly, mirrored or through glass: it must not
-light other surfaces, whose ambient light is baked already. Materials that have no nodes, and slots without a material,
-get a stand-in with nodes; the user's own data stays as it is, and comes back when the ambient light is removed.
+The group adds the attribute or lightmap as emission that only the camera sees, directly, mirrored or through glass: it
+must not light other surfaces, whose ambient light is baked already. Materials that have no nodes, and slots without a
+material, get a stand-in with nodes; the user's own data stays as it is, and comes back when the light is removed.
 """
 
 from __future__ import annotations
@@ -11,21 +11,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import bpy
-import numpy as np
 
 from ..core.errors import ObscuranceError
-from . import color_attribute
-from .baked_record import indirect_exposure
-from .materials import DEFAULT_REFLECTANCE, node_tree_of
+from .baked_record import indirect_exposure, is_own_color, lightmap_of
+from .color_attribute import is_color
 from .node_tree import BAKED_LIGHT
-from .output_settings import OutputSettings
+from .output_settings import OutputSettings, Target
+from .stand_ins import SHOWN, about_linked, about_shared, empty_slots, fill_slots, is_stand_in, remove_unused
 
 GROUP_NAME = "Obscurance Ambient"
-_STRENGTH = "obscurance_strength"
-_STANDS_FOR = "obscurance_stands_for"  # on a stand-in: the material that it replaces, or what was there instead of one
-_EMPTY_SLOT, _NO_SLOT = "empty slot", "no slot"
+_STRENGTH, _IMAGE, _UV_MAP = "obscurance_strength", "obscurance_image", "obscurance_uv_map"  # beside BAKED_LIGHT
+_WHAT = "ambient light"  # in notes
 _SEEING_RAYS = ("Is Camera Ray", "Is Glossy Ray", "Is Transmission Ray")
 _SPACE = 200.0  # between nodes
+_SOURCE_ROW = 3  # where the nodes that read what is baked begin, below the others
 
 
 @dataclass(frozen=True)
@@ -46,49 +45,59 @@ class AmbientChange:
     notes: list[str] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class _Baked:
+    """Where baked light is: in an attribute, or in an image by way of a UV map; and what to multiply it by."""
+
+    name: str
+    strength: float
+    image: bpy.types.Image | None = None
+    uv_map: str = ""
+
+    def note_on(self, tree: bpy.types.NodeTree) -> None:
+        """Write it on the group that shows it."""
+        tree[BAKED_LIGHT], tree[_STRENGTH] = self.name, self.strength
+        if self.image is not None:
+            tree[_IMAGE], tree[_UV_MAP] = self.image, self.uv_map
+
+    def is_noted_on(self, tree: bpy.types.NodeTree) -> bool:
+        """Whether a group shows this very light."""
+        noted = tree.get(BAKED_LIGHT), tree.get(_STRENGTH), tree.get(_IMAGE), tree.get(_UV_MAP, "")
+        return noted == (self.name, self.strength, self.image, self.uv_map)
+
+
 def add_ambient(objects: Iterable[bpy.types.Object], output: OutputSettings) -> AmbientChange:
     """Make the materials of objects show their baked ambient light.
 
     Parameters
     ----------
     objects : iterable of bpy.types.Object
-        Those whose baked attribute is missing, or holds anything but indirect light, are passed over.
+        Those whose baked attribute or lightmap is missing, or holds anything but indirect light, are passed over.
     output : OutputSettings
         Where the result is.
 
     Raises
     ------
     ObscuranceError
-        When no object has such an attribute.
+        When no object has such an attribute or lightmap.
     """
-    name, domain = output.attribute_name, output.target.value
-    layered = [ob for ob in objects if ob.type == "MESH" and color_attribute.is_color(ob.data, name, domain)]
-    stops = {ob: indirect_exposure(ob.data, name) for ob in layered}
-    baked = [ob for ob in layered if stops[ob] is not None]
-    if not baked:
-        what = "holds no ambient light" if layered else f"is on the {domain.lower()}s of no selected object"
-        raise ObscuranceError(
-            f"the attribute '{name}' {what}: set the quantity to Ambient Light and bake, with target and attribute as "
-            "they are set now"
-        )
-    changed, shown = False, []
-    notes: list[str] = []
+    baked = _what_is_baked(objects, output)
+    changed, shown, notes = False, [], []
+    chosen: dict[bpy.types.Material, _Baked] = {}
     locked: set[str] = set()
-    for ob in baked:
-        changed |= _fill_slots(ob, notes)
+    shared: set[str] = set()
+    for ob, light in baked.items():
+        changed |= fill_slots(ob, _WHAT, notes)
         for material in {slot.material for slot in ob.material_slots if slot.material}:
-            if material.is_editable:
-                changed |= _insert(material, name, 2.0 ** -stops[ob])
-            else:
+            if not material.is_editable:
                 locked.add(material.name)
-        if any(map(_ambient_nodes, (slot.material for slot in ob.material_slots))):
+            elif chosen.setdefault(material, light) == light:
+                changed |= _insert(material, light)
+            else:
+                shared.add(material.name)
+        if shows_ambient(ob):
             shown.append(ob.name)
-    if locked:
-        notes.append(
-            f"linked from a library, so they cannot show ambient light: {', '.join(map(repr, sorted(locked)))}; make "
-            "these materials local (Object > Relations > Make Local)"
-        )
-    return AmbientChange(shown, changed, notes)
+    return AmbientChange(shown, changed, [*notes, *about_linked(locked, _WHAT), *about_shared(shared)])
 
 
 def remove_ambient(objects: Iterable[bpy.types.Object]) -> AmbientChange:
@@ -101,11 +110,10 @@ def remove_ambient(objects: Iterable[bpy.types.Object]) -> AmbientChange:
         if shows_ambient(ob):
             changed.append(ob.name)
         for material in materials:
-            if material.is_editable and _STANDS_FOR not in material:
+            if material.is_editable and not is_stand_in(material):
                 _extract(material)
-        _empty_slots(ob)
-    for material in [m for m in bpy.data.materials if _STANDS_FOR in m and not m.users]:
-        bpy.data.materials.remove(material)
+        empty_slots(ob, needed=_only_shows_lightmap)
+    remove_unused()
     for tree in [tree for tree in trees if not tree.users]:
         bpy.data.node_groups.remove(tree)
     return AmbientChange(changed, bool(changed))
@@ -116,17 +124,50 @@ def shows_ambient(ob: bpy.types.Object) -> bool:
     return any(_ambient_nodes(slot.material) for slot in ob.material_slots)
 
 
-def _group(attribute: str, strength: float) -> bpy.types.NodeTree:
-    """The node group that adds an attribute, made where there is none."""
+def has_ambient(material: bpy.types.Material) -> bool:
+    """Whether a material shows baked ambient light."""
+    return bool(_ambient_nodes(material))
+
+
+def _what_is_baked(objects: Iterable[bpy.types.Object], output: OutputSettings) -> dict[bpy.types.Object, _Baked]:
+    """The objects that have indirect light where the output is; raises ObscuranceError when there are none."""
+    name, domain = output.attribute_name, output.target.value
+    to_lightmap = output.target is Target.LIGHTMAP
+    found, others = {}, False
+    for ob in [ob for ob in objects if ob.type == "MESH"]:
+        lightmap = lightmap_of(ob.data, name) if to_lightmap else None
+        if lightmap is None and (to_lightmap or not is_color(ob.data, name, domain)):
+            continue
+        stops = indirect_exposure(ob.data, name)
+        if stops is None or not (to_lightmap or is_own_color(ob.data, name)):
+            others = True
+        else:
+            found[ob] = _Baked(name, 2.0**-stops, *(lightmap or ()))
+    if not found:
+        if others:
+            what = "holds no ambient light"
+        else:
+            what = (
+                "belongs to no selected object" if to_lightmap else f"is on the {domain.lower()}s of no selected object"
+            )
+        raise ObscuranceError(
+            f"the {'lightmap' if to_lightmap else 'attribute'} '{name}' {what}: set the quantity to Ambient Light and "
+            f"bake, with target and {'name' if to_lightmap else 'attribute'} as they are set now"
+        )
+    return found
+
+
+def _group(light: _Baked) -> bpy.types.NodeTree:
+    """The node group that adds baked light, made where there is none."""
     for tree in bpy.data.node_groups:
-        if tree.get(BAKED_LIGHT) == attribute and tree.get(_STRENGTH) == strength and tree.library is None:
+        if light.is_noted_on(tree) and tree.library is None:
             return tree
     tree = bpy.data.node_groups.new(GROUP_NAME, "ShaderNodeTree")
-    tree[BAKED_LIGHT], tree[_STRENGTH] = attribute, strength
+    light.note_on(tree)
     tree.interface.new_socket("Shader", in_out="INPUT", socket_type="NodeSocketShader")
     tree.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
     columns = (
-        ("NodeGroupInput", "ShaderNodeAttribute", "ShaderNodeLightPath"),
+        ("NodeGroupInput", "ShaderNodeLightPath"),
         ("ShaderNodeMath",),
         ("ShaderNodeMath",),
         ("ShaderNodeMath",),
@@ -134,22 +175,19 @@ def _group(attribute: str, strength: float) -> bpy.types.NodeTree:
         ("ShaderNodeAddShader",),
         ("NodeGroupOutput",),
     )
-    made = [[tree.nodes.new(kind) for kind in column] for column in columns]
-    for x, column in enumerate(made):
-        for y, node in enumerate(column):
-            node.location = (_SPACE * x, -_SPACE * y)
-    (begin, baked, path), (either,), (any_of,), (scale,), (emission,), (add,), (end,) = made
-    baked.attribute_type, baked.attribute_name = "GEOMETRY", attribute
+    made = [[_node(tree, kind, x, y) for y, kind in enumerate(column)] for x, column in enumerate(columns)]
+    (begin, path), (either,), (any_of,), (scale,), (emission,), (add,), (end,) = made
     either.operation = any_of.operation = "MAXIMUM"
     scale.operation = "MULTIPLY"
-    scale.inputs[1].default_value = strength
+    scale.inputs[1].default_value = light.strength
+    color = _lightmap_color(tree, light) if light.image else _attribute_color(tree, light)
     for source, target in (
         (path.outputs[_SEEING_RAYS[0]], either.inputs[0]),
         (path.outputs[_SEEING_RAYS[1]], either.inputs[1]),
         (either.outputs[0], any_of.inputs[0]),
         (path.outputs[_SEEING_RAYS[2]], any_of.inputs[1]),
         (any_of.outputs[0], scale.inputs[0]),
-        (baked.outputs["Color"], emission.inputs["Color"]),
+        (color, emission.inputs["Color"]),
         (scale.outputs[0], emission.inputs["Strength"]),
         (begin.outputs[0], add.inputs[0]),
         (emission.outputs[0], add.inputs[1]),
@@ -159,13 +197,49 @@ def _group(attribute: str, strength: float) -> bpy.types.NodeTree:
     return tree
 
 
-def _insert(material: bpy.types.Material, attribute: str, strength: float) -> bool:
+def _attribute_color(tree: bpy.types.NodeTree, light: _Baked) -> bpy.types.NodeSocket:
+    baked = _node(tree, "ShaderNodeAttribute", 0, _SOURCE_ROW)
+    baked.attribute_type, baked.attribute_name = "GEOMETRY", light.name
+    return baked.outputs["Color"]
+
+
+def _lightmap_color(tree: bpy.types.NodeTree, light: _Baked) -> bpy.types.NodeSocket:
+    """What the image holds; black on other objects, which have no such UV map and would all show one corner of it."""
+    uv = _node(tree, "ShaderNodeUVMap", 0, _SOURCE_ROW)
+    image = _node(tree, "ShaderNodeTexImage", 1, _SOURCE_ROW)
+    length, is_there = (
+        _node(tree, "ShaderNodeVectorMath", 1, _SOURCE_ROW + 1),
+        _node(tree, "ShaderNodeMath", 2, _SOURCE_ROW + 1),
+    )
+    color = _node(tree, "ShaderNodeVectorMath", 3, _SOURCE_ROW)
+    uv.uv_map, image.image = light.uv_map, light.image
+    image.interpolation, image.extension = "Linear", "EXTEND"  # a page that repeats would bleed over its borders
+    length.operation, is_there.operation, color.operation = "LENGTH", "GREATER_THAN", "SCALE"
+    is_there.inputs[1].default_value = 0.0  # a missing UV map reads as 0
+    for source, target in (
+        (uv.outputs[0], image.inputs["Vector"]),
+        (uv.outputs[0], length.inputs[0]),
+        (length.outputs["Value"], is_there.inputs[0]),
+        (image.outputs["Color"], color.inputs[0]),
+        (is_there.outputs[0], color.inputs["Scale"]),
+    ):
+        tree.links.new(source, target)
+    return color.outputs["Vector"]
+
+
+def _node(tree: bpy.types.NodeTree, kind: str, column: int, row: int) -> bpy.types.Node:
+    node = tree.nodes.new(kind)
+    node.location = (_SPACE * column, -_SPACE * row)
+    return node
+
+
+def _insert(material: bpy.types.Material, light: _Baked) -> bool:
     """Put the group in front of every output that renders; whether anything was to be done."""
     tree, present = material.node_tree, _ambient_nodes(material)
     outputs = [] if present else _outputs(tree)
     if not present and not outputs:
         return False
-    group = _group(attribute, strength)
+    group = _group(light)
     changed = bool(outputs)
     for node in present:  # wherever the user may have moved it
         former = node.node_tree
@@ -185,6 +259,10 @@ def _insert(material: bpy.types.Material, attribute: str, strength: float) -> bo
             _copy_link(tree, link, link.from_socket, node.inputs[0])
         tree.links.new(node.outputs[0], surface)
     return changed
+
+
+def _only_shows_lightmap(material: bpy.types.Material) -> bool:
+    return SHOWN in material and not has_ambient(material)
 
 
 def _extract(material: bpy.types.Material) -> None:
@@ -219,67 +297,3 @@ def _is_ambient(node: bpy.types.Node) -> bool:
 def _ambient_nodes(material: bpy.types.Material | None) -> list[bpy.types.Node]:
     tree = material.node_tree if material else None
     return [node for node in tree.nodes if _is_ambient(node)] if tree else []
-
-
-def _fill_slots(ob: bpy.types.Object, notes: list[str]) -> bool:
-    """Give stand-ins to slots whose surface has no nodes; whether there were any."""
-    if not ob.material_slots:
-        if not color_attribute.keeps_what_is_written(ob.data):
-            return False
-        ob.data.materials.append(_stand_in(_NO_SLOT))
-        return True
-    changed = False
-    for slot in ob.material_slots:
-        if slot.material is None or node_tree_of(slot.material) is None:
-            stand_in = _stand_in(slot.material or _EMPTY_SLOT)
-            slot.material = stand_in
-            changed = True
-            if slot.material != stand_in:
-                notes.append(f"object '{ob.name}': a material slot is linked and cannot show ambient light")
-    return changed
-
-
-def _empty_slots(ob: bpy.types.Object) -> None:
-    """Undo `_fill_slots`."""
-    for index, slot in reversed(list(enumerate(ob.material_slots))):
-        stands_for = slot.material.get(_STANDS_FOR) if slot.material else None
-        if isinstance(stands_for, bpy.types.Material):
-            slot.material = stands_for
-        elif stands_for == _NO_SLOT:
-            _drop_slot(ob.data, index)
-        elif stands_for == _EMPTY_SLOT:
-            slot.material = None
-
-
-def _drop_slot(mesh: bpy.types.Mesh, index: int) -> None:
-    """Remove a slot that was added to a mesh without any; the faces keep their material indices."""
-    if len(mesh.materials) > 1:  # the user added more
-        mesh.materials.pop(index=index)
-        return
-    values = np.zeros(len(mesh.polygons), np.int32)
-    mesh.polygons.foreach_get("material_index", values)
-    mesh.materials.clear()  # takes the slot off the objects too, which removing it alone does not
-    if values.any():
-        mesh.polygons.foreach_set("material_index", values)
-
-
-def _stand_in(original: bpy.types.Material | str) -> bpy.types.Material:
-    """A material with nodes that looks like one without, or like none; one for each that it replaces."""
-    for material in bpy.data.materials:
-        if material.library is None and material.get(_STANDS_FOR) == original:
-            return material
-    if isinstance(original, bpy.types.Material):
-        made, colour = original.copy(), tuple(original.diffuse_color)
-    else:
-        made, colour = bpy.data.materials.new("Obscurance Surface"), (*[DEFAULT_REFLECTANCE] * 3, 1.0)
-    made[_STANDS_FOR] = original
-    if bpy.app.version >= (5, 0, 0):  # there, a new material looks like none; before, none was a plain diffuse surface
-        return made
-    made.use_nodes = True
-    tree = made.node_tree
-    tree.nodes.clear()
-    end, shader = tree.nodes.new("ShaderNodeOutputMaterial"), tree.nodes.new("ShaderNodeBsdfDiffuse")
-    end.location = (2.0 * _SPACE, 0.0)
-    shader.inputs["Color"].default_value = colour
-    tree.links.new(shader.outputs[0], end.inputs["Surface"])
-    return made

@@ -61,8 +61,8 @@ RESOLUTIONS = _items(
 IMAGE_FORMATS = _items(
     (ImageFormat.EXR_HALF, "OpenEXR Half", "Linear colors without a limit, 16 bits a channel"),
     (ImageFormat.EXR_FULL, "OpenEXR Full", "Linear colors without a limit, 32 bits a channel"),
-    (ImageFormat.PNG_8, "PNG 8 Bit", "sRGB colors up to 1, 8 bits a channel"),
-    (ImageFormat.PNG_16, "PNG 16 Bit", "sRGB colors up to 1, 16 bits a channel"),
+    (ImageFormat.PNG_8, "PNG 8 Bit", "Colors up to 1, sRGB-encoded, 8 bits a channel"),
+    (ImageFormat.PNG_16, "PNG 16 Bit", "Colors up to 1, sRGB-encoded, 16 bits a channel"),
     (ImageFormat.HDR, "Radiance HDR", "Linear colors without a limit, 8 bits a channel and a common exponent"),
 )
 SCALES = _items(

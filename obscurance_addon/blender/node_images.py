@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .expressions import Constant, ImageSample, UVProjection
+from .expressions import Constant, Expression, ImageSample, UVProjection
+from .lightmap_image import MADE_HERE
 from .node_tree import MAX_DEPTH, NothingLinkedError, Output, UnreadableNodeError
 from .textures import is_linear
 
@@ -15,8 +16,10 @@ if TYPE_CHECKING:
     from .tree_reader import TreeReader
 
 
-def image_sample(reader: TreeReader, output: Output) -> ImageSample:
-    """Colour or alpha of an Image Texture node.
+def image_sample(reader: TreeReader, output: Output) -> Expression:
+    """Colour or alpha of an Image Texture node; white where the image is a lightmap that a bake made.
+
+    As for colour attributes, what an earlier bake left there must not darken the next one.
 
     Raises
     ------
@@ -26,6 +29,8 @@ def image_sample(reader: TreeReader, output: Output) -> ImageSample:
     node, image = output.node, output.node.image
     if image is None:
         raise UnreadableNodeError(f"{output.label} has no image")
+    if MADE_HERE in image:
+        return Constant((1.0,))
     texture = reader.images.texture(image, node.outputs["Alpha"].is_linked)
     if texture is None:
         raise UnreadableNodeError(f"image '{image.name}' of {output.label} is missing or empty")

@@ -25,6 +25,9 @@ from .texels import Texels, covered_texels
 ERROR_SAMPLE = 4096  # texels, about, that are traced twice more: enough to fix the RMSE to a few percent
 REPLICATES = (1, 2)  # of the points that tell the error; 0 is the bake
 MOST_OVERLAPS = 1000  # pairs of faces that are told
+# A texel with less outside of solids takes its value from its neighbours: where solids run into each other, rays that
+# start inside of one may meet the outside of the other, which only shows by the many rays beside them that do not.
+MIN_EXPOSED = 0.5
 _BAND_TEXELS = 1 << 18  # at least, so that a band keeps all threads busy
 _BAND_ROWS = 64  # at least, a multiple of the coarsest stride of sparse texels
 
@@ -95,7 +98,7 @@ class TexelCounts:
     Attributes
     ----------
     texels, invalid : int
-        Covered ones, and those of them that lie inside of solids or have no usable surface.
+        Covered ones, and those of them that lie mostly inside of solids or have no usable surface.
     area, hidden : ndarray, (f,) float64
         Covered area of each face patch, and what of it lies inside of solids; normalised units squared.
     overlap : dict of tuple of int to int
@@ -120,7 +123,7 @@ class TexelCounts:
         n, n_faces = len(valid), len(self.area)
         face, area = texels.face[:n], texels.area[:n]
         self.texels += n
-        self.invalid += int(np.count_nonzero(valid <= 0.0))
+        self.invalid += int(np.count_nonzero(valid < MIN_EXPOSED))
         self.area += np.bincount(face, area, n_faces)
         self.hidden += np.bincount(face, area * (1.0 - valid), n_faces)
         pair = np.flatnonzero((texels.overlap[1:] == texels.overlap[:-1]) & (texels.overlap[1:] < n))
@@ -185,11 +188,11 @@ def estimate_pages(
         page = AtlasPage.empty(size, on_disk=pages > 1)
         for texels, n, rows in _bands(triangles, size, number):
             values, valid = estimator.estimate(texels, n, rows)
-            sampled = np.flatnonzero((texels.ids[:n] < share * 2.0**32) & (valid > 0.0))
+            sampled = np.flatnonzero((texels.ids[:n] < share * 2.0**32) & (valid >= MIN_EXPOSED))
             if len(sampled):
                 counts.sample.append((values[sampled], *(estimator.repeat(texels, sampled, k) for k in REPLICATES)))
             counts.add(texels, valid)
-            page.put(texels.index[:n], values, texels.chart[:n], valid > 0.0)
+            page.put(texels.index[:n], values, texels.chart[:n], valid >= MIN_EXPOSED)
             monitor.advance(n)
         estimated.append(page)
     return estimated, counts

@@ -6,7 +6,8 @@ import bpy
 
 from ..blender.export_copy import LAYERS, ExportFormat, copy_for_export
 from ..blender.object_mode import ObjectModeGuard
-from ..blender.viewport_shading import activate_result, hide_result, show_result, shows_result
+from ..blender.output_settings import OutputSettings, Target
+from ..blender.viewport_shading import activate_result, hide_result, lightmaps_are_shown, show_result, shows_result
 from ..core.errors import ObscuranceError
 from .operators import OnBakedMeshes, sentence
 
@@ -18,7 +19,7 @@ _FORMATS = (
 
 
 class OBSCURANCE_OT_show_result(bpy.types.Operator):
-    """Show the baked colors alone in this 3D view, without lights. Press again to get the former shading back"""
+    """Show the baked result alone in this 3D view, without lights. Press again to get the former shading back"""
 
     bl_idname = "obscurance.show_result"
     bl_label = "Show Obscurances"
@@ -32,22 +33,35 @@ class OBSCURANCE_OT_show_result(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        if shows_result(context.space_data):
-            hide_result(context.space_data)
-            return {"FINISHED"}
         output = context.scene.obscurance.to_output()
-        shown, changed = activate_result(context.view_layer.objects, output)
-        if not shown:
-            self.report(
-                {"ERROR"},
-                f"No object in this view layer has a color '{output.layers()[0][0]}' to show: bake first, with target "
-                "Faces switch Viewport Copy on",
-            )
+        hides = shows_result(context.space_data)
+        touches_slots = lightmaps_are_shown() if hides else output.target is Target.LIGHTMAP
+        guard = ObjectModeGuard(context) if touches_slots else None
+        try:
+            changed = hide_result(context.space_data) if hides else self._show(context, output)
+        finally:
+            if guard is not None:
+                guard.restore(context)
+        if changed is None:
             return {"CANCELLED"}
-        show_result(context.space_data)
-        if changed:  # shading is not part of undo, the choice of the active color is
+        if changed:  # shading is not part of undo, what is active in meshes and materials is
             bpy.ops.ed.undo_push(message=self.bl_label)
         return {"FINISHED"}
+
+    def _show(self, context: bpy.types.Context, output: OutputSettings) -> bool | None:
+        """Whether the file was changed for it; None when there is nothing to show."""
+        shown = activate_result(context.view_layer.objects, output)
+        for note in shown.notes:
+            self.report({"WARNING"}, sentence(note))
+        if shown.count:
+            show_result(context.space_data, output.target)
+            return shown.changed
+        if output.target is Target.LIGHTMAP:
+            what = f"lightmap '{output.attribute_name}' to show: bake first"
+        else:
+            what = f"color '{output.layers()[0][0]}' to show: bake first, with target Faces switch Viewport Copy on"
+        self.report({"ERROR"}, f"No object in this view layer has a {what}")
+        return None
 
 
 class OBSCURANCE_OT_copy_for_export(OnBakedMeshes, bpy.types.Operator):

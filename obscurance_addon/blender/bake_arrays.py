@@ -121,10 +121,14 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
 
 
 def _shade(ob: ObjectSnapshot) -> tuple[np.ndarray, np.ndarray]:
-    """Reflectance and emission (f, 3) of the faces; the last shading stands for faces of objects without slots."""
+    """Reflectance and emission (f, 3) of the faces."""
+    return shade_faces(ob.shadings, material_slots(ob), ob.surface)
+
+
+def material_slots(ob: ObjectSnapshot) -> np.ndarray:
+    """Which of the shadings each face has, (f,); the last one stands for faces of objects without slots."""
     slots = len(ob.shadings) - 1
-    slot = np.clip(ob.mesh.face_material, 0, max(slots - 1, 0))  # beyond the slots the last one counts, as in Cycles
-    return shade_faces(ob.shadings, slot, ob.surface)
+    return np.clip(ob.mesh.face_material, 0, max(slots - 1, 0))  # beyond the slots the last one counts, as in Cycles
 
 
 def _join_patches(parts: list[PatchPart]) -> Patches:

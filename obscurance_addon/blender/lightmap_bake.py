@@ -21,6 +21,7 @@ from .baked_record import what_is_stored
 from .lightmap_writer import write_lightmap
 from .output_settings import OutputSettings, Scale, Target
 from .scene_geometry import SceneSnapshot
+from .texel_materials import TexelMaterials
 
 _PROGRESS_STEPS = 1000  # of unwrapping
 _OVERLAPS_TOLD = 6
@@ -86,6 +87,9 @@ class LightmapBake:
                 self._light,
                 self._lightmap,
                 factor=2.0**self._output.exposure,
+                materials_at=TexelMaterials(
+                    [baked.snapshot for baked in self._snapshot.baked], layout, arrays, self._lightmap.size
+                ),
                 **common,
             )
         else:

@@ -24,6 +24,8 @@ class AtlasTriangles:
     page, chart : ndarray, (t,) int32
     face : ndarray, (t,) int64
         The face patch of which each is a part.
+    source : ndarray, (t,) int64
+        The triangle of the layout that each is.
     corner : ndarray, (t, 3) float64
         Normalised position of the first corner of `uv`.
     step : ndarray, (t, 2, 3) float64
@@ -40,6 +42,7 @@ class AtlasTriangles:
     page: np.ndarray
     chart: np.ndarray
     face: np.ndarray
+    source: np.ndarray
     corner: np.ndarray
     step: np.ndarray
     frame: np.ndarray
@@ -87,6 +90,7 @@ class AtlasTriangles:
             page=page[kept].astype(np.int32),
             chart=chart[kept].astype(np.int32),
             face=face[kept].astype(np.int64),
+            source=kept,
             corner=points[:, 0],
             step=inverse @ side / signed[:, None, None],
             frame=orthonormal_frames(normal / length[:, None]).astype(np.float32),

@@ -33,6 +33,8 @@ from .settings import BakeSettings
 from .texel_obscurances import TexelTracer, chosen_cells, texel_triangles
 from .texels import Texels
 
+MaterialsAt = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
 
 def bake_light_map(
     surfaces: Surfaces,
@@ -46,6 +48,7 @@ def bake_light_map(
     lightmap: LightmapSettings,
     *,
     factor: float = 1.0,
+    materials_at: MaterialsAt | None = None,
     monitor: Monitor | None = None,
     intersector: Callable[..., Intersector] = EmbreeIntersector,
     block_rays: int = BLOCK_RAYS,
@@ -61,6 +64,9 @@ def bake_light_map(
         `adaptive` is for the obscurances: direct light has shadows, which no sparse texel could foresee.
     factor : float
         To brighten the light by.
+    materials_at : callable, optional
+        Reflectance and emission (m, 3) of triangles (m,) of the layout at places (m, 2) in texels of their page; by
+        default those of the whole face.
     monitor, intersector, block_rays
         As for `bake.bake_obscurances`.
 
@@ -91,6 +97,7 @@ def bake_light_map(
         light,
         lightmap,
         factor / np.pi,
+        materials_at,
     )
     monitor.phase("trace", int(triangles.texels()))
     pages, counts = estimate_pages(triangles, layout.pages, n_faces, lightmap, estimator, monitor)
@@ -123,8 +130,15 @@ class _TexelLight:
     """Estimates the light of texels; values are radiance at once, times `factor` x pi."""
 
     def __init__(
-        self, faces: LitFaces, tracer: TexelTracer, light: LightSettings, lightmap: LightmapSettings, factor: float
+        self,
+        faces: LitFaces,
+        tracer: TexelTracer,
+        light: LightSettings,
+        lightmap: LightmapSettings,
+        factor: float,
+        materials_at: MaterialsAt | None,
     ) -> None:
+        self._materials_at = materials_at
         self._faces, self._tracer, self._factor = faces, tracer, factor
         self._open = open_value(faces.r_ave, tracer.settings, white=True)
         self._obscurances = TexelObscurances(tracer, self._open, lightmap) if faces.ambient else None
@@ -172,7 +186,7 @@ class _TexelLight:
         self, texels: Texels, chosen: np.ndarray, values: np.ndarray | None, valid: np.ndarray | None, replicate: int
     ) -> tuple[np.ndarray, np.ndarray]:
         """Values (m, 4) of texels (m,), and their shares outside of solids, from obscurances where there are some."""
-        faces, face = self._faces, texels.face[chosen]
+        faces = self._faces
         irradiance = np.zeros((len(chosen), 3))
         if self._with_direct or valid is None:
             direct, valid = self._direct(texels, chosen, valid, replicate)
@@ -185,13 +199,21 @@ class _TexelLight:
             irradiance += self._passed_on(texels, chosen, valid, replicate)
         if faces.radiosity is not None:
             irradiance += self._from_radiosity(texels, chosen, valid, replicate)
-        radiosity = faces.reflectance[face] * irradiance
+        reflectance, emission = self._materials(texels, chosen)
+        radiosity = reflectance * irradiance
         if self._with_emission:
-            radiosity += faces.emission[face]
+            radiosity += emission
         found = np.zeros((len(chosen), 4))
         found[:, :3] = self._factor * radiosity
         found[valid <= 0.0] = 0.0
         return found, valid
+
+    def _materials(self, texels: Texels, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Reflectance and emission (m, 3) of texels."""
+        if self._materials_at is None:
+            face = texels.face[chosen]
+            return self._faces.reflectance[face], self._faces.emission[face]
+        return self._materials_at(texels.triangle[chosen], texels.centres(chosen))
 
     def _direct(
         self, texels: Texels, chosen: np.ndarray, valid: np.ndarray | None, replicate: int

@@ -33,7 +33,9 @@ class Texels:
         Of the page.
     chart : ndarray, (n,) int32
     face : ndarray, (n,) int64
-        The face patch that covers most of each.
+        The face patch that covers most of each,
+    triangle : ndarray, (n,) int64
+        and the triangle of the layout that does.
     cover : ndarray, (n,) float64
         Covered share, 0 .. 1.
     area : ndarray, (n,) float64
@@ -52,6 +54,7 @@ class Texels:
     size: int
     chart: np.ndarray
     face: np.ndarray
+    triangle: np.ndarray
     cover: np.ndarray
     area: np.ndarray
     position: np.ndarray
@@ -68,6 +71,11 @@ class Texels:
     def ids(self) -> np.ndarray:
         """Stable identity of each texel, (n,) uint32."""
         return hash32(self.index.astype(np.uint32) ^ hash32(np.uint32(self.page)))
+
+    def centres(self, chosen: np.ndarray) -> np.ndarray:
+        """Middles of the texels `chosen` (m,) on the page, covered or not, (m, 2) float64 texels."""
+        index = self.index[chosen]
+        return np.stack([index % self.size, index // self.size], -1) + 0.5
 
 
 def covered_texels(triangles: AtlasTriangles, size: int, page: int, rows: tuple[int, int]) -> Texels:
@@ -108,6 +116,7 @@ def covered_texels(triangles: AtlasTriangles, size: int, page: int, rows: tuple[
         size=size,
         chart=triangles.chart[triangle[first]],
         face=triangles.face[triangle[first]],
+        triangle=triangles.source[triangle[first]],
         cover=np.minimum(np.bincount(texel, cover, n), 1.0),
         area=total,
         position=_sums(texel, area[:, None] * centre, n) / total[:, None],

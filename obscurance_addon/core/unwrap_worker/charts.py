@@ -1,4 +1,4 @@
-"""Cuts a mesh into flat charts of even scale that do not overlap: xatlas makes them, and what it gets wrong is cut anew.
+"""Cuts a mesh into flat charts of even scale that do not overlap: xatlas makes them, what it gets wrong is cut anew.
 
 Faces that xatlas leaves out or tears, and those that overlap themselves, are laid flat one by one. Other charts that
 overlap, lost faces or are wider than a page grow again from their faces.

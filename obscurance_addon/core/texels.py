@@ -225,7 +225,8 @@ def _polygon_areas(polygon: np.ndarray, count: np.ndarray) -> np.ndarray:
     corner = np.arange(polygon.shape[1])
     shifted = polygon - polygon[:, :1]
     x, y = shifted[..., 0], shifted[..., 1]
-    cross = x[:, :-1] * y[:, 1:] - y[:, :-1] * x[:, 1:]
+    with np.errstate(invalid="ignore", over="ignore"):  # corners beyond `count` hold anything
+        cross = x[:, :-1] * y[:, 1:] - y[:, :-1] * x[:, 1:]
     return 0.5 * np.where(corner[1:] < count[:, None], cross, 0.0).sum(1)
 
 

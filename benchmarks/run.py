@@ -2,8 +2,8 @@
 
     python benchmarks/run.py [--only NAME ...] [--table] [--repeats N]
 
-Raw JSON goes to benchmarks/results/, the tables to benchmarks/README.md and docs/light_error.md; --only renews those
-parts and keeps the others.
+Raw JSON goes to benchmarks/results/, the tables to benchmarks/README.md and docs/light_error.md, a plot to
+docs/images/lightmap_error.svg; --only renews those parts and keeps the others.
 Times are of one shared machine: read the ratios, which compare things measured side by side in one run.
 """
 
@@ -18,14 +18,17 @@ import sys
 from pathlib import Path
 
 import light_table
+import lightmap_table
 import table
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results"
 LIGHT_PAGE = HERE.parent / "docs" / "light_error.md"
+LIGHTMAP_PLOT = HERE.parent / "docs" / "images" / "lightmap_error.svg"
 SCALING_SIZES = (10_000, 31_684, 100_489, 315_844, 1_000_000)  # faces of square grids, half a decade apart
 STREAMS_FACES, STREAMS_RAYS = 31_684, (16, 64, 1024, 4096)
-NAMES = ("trace_rate", "whole_bake", "scaling", "streams", "cycles_ao", "light_error")
+MEMORY_SIZE = 8192  # of a lightmap
+NAMES = ("trace_rate", "whole_bake", "scaling", "streams", "cycles_ao", "light_error", "lightmap")
 
 
 def main() -> None:
@@ -49,9 +52,22 @@ def main() -> None:
             results = [_in_process("scaling", options.repeats, faces, str(rays)) for rays in STREAMS_RAYS]
         else:
             results = _in_process(name, options.repeats)
+        if name == "lightmap":
+            size = str(MEMORY_SIZE)
+            results["memory"] = [_in_process("lightmap.memory", 1, size, adaptive) for adaptive in ("0", "1")]
         record = {"machine": _machine(), "results": results}
         (RESULTS / f"{name}.json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-    for path, text in ((HERE / "README.md", table.text(RESULTS)), (LIGHT_PAGE, light_table.text(RESULTS))):
+    _write_pages()
+
+
+def _write_pages() -> None:
+    pages = {
+        HERE / "README.md": table.text(RESULTS, {"lightmap": lightmap_table.section}),
+        LIGHT_PAGE: light_table.text(RESULTS),
+    }
+    if (RESULTS / "lightmap.json").is_file():
+        pages[LIGHTMAP_PLOT] = lightmap_table.plot(RESULTS)
+    for path, text in pages.items():
         path.write_text(text, encoding="utf-8")
         print(f"wrote {path}")
 
@@ -68,8 +84,9 @@ def _work(name: str, *arguments: str, repeats: int) -> None:
     import obscurance_addon
 
     obscurance_addon.register()
-    module = __import__(name)
-    result = module.run(*map(int, arguments)) if arguments else module.run(repeats)
+    name, _, part = name.partition(".")
+    measure = getattr(__import__(name), part or "run")
+    result = measure(*map(int, arguments)) if arguments else measure(repeats)
     print("\n" + json.dumps(result), flush=True)
     os._exit(0)  # see obscurance_addon/__main__.py
 

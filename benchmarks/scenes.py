@@ -47,6 +47,33 @@ def many_objects(count: int = 100, faces: int = 500) -> list[bpy.types.Object]:
     return objects
 
 
+def solids_on_floor(count: int) -> list[bpy.types.Object]:
+    """A floor of one face and flat-shaded closed solids of five kinds, 3 m apart, sunk a little into it; no UVs."""
+    side = int(np.ceil(np.sqrt(count)))
+    bpy.ops.mesh.primitive_plane_add(size=3.0 * side + 1.0)
+    floor = bpy.context.object
+    floor.name = "Floor"
+    add = bpy.ops.mesh
+    kinds = (
+        (add.primitive_ico_sphere_add, {"subdivisions": 4, "radius": 1.0}, 0.9),
+        (add.primitive_cube_add, {"size": 1.6}, 0.7),
+        (add.primitive_torus_add, {"major_radius": 0.9, "minor_radius": 0.4}, 0.35),
+        (add.primitive_cylinder_add, {"radius": 0.7, "depth": 2.0, "vertices": 24}, 0.9),
+        (add.primitive_cone_add, {"radius1": 0.9, "depth": 1.8, "vertices": 16}, 0.8),
+    )
+    objects = [floor]
+    for i in range(count):
+        make, shape, height = kinds[i % len(kinds)]
+        make(location=(3.0 * (i % side - 0.5 * (side - 1)), 3.0 * (i // side - 0.5 * (side - 1)), height), **shape)
+        ob = bpy.context.object
+        ob.rotation_euler.z = 0.7 * i
+        objects.append(ob)
+    for ob in objects:
+        while ob.data.uv_layers:
+            ob.data.uv_layers.remove(ob.data.uv_layers[0])
+    return objects
+
+
 def bumpy_terrain(faces: int) -> bpy.types.Object:
     """A square grid of about that many faces, with hills of a dozen faces: rays meet the same at any size."""
     side = round(np.sqrt(faces))

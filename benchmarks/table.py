@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import statistics
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,22 +13,23 @@ _HEAD = """# Benchmarks
 
     make bench
 
-runs everything here in about ten minutes, writes raw results to `results/` and this page, and
-[docs/light_error.md](../docs/light_error.md), light beside radiosity. Nothing on them is
-typed by hand: edit `table.py`. The machine is small and shared, so only ratios of things measured side by side in one
-run mean anything; medians are given.
+runs everything here in about three quarters of an hour, most of it for lightmaps, writes raw results to `results/`,
+this page, and [docs/light_error.md](../docs/light_error.md), light beside radiosity. Nothing on them is typed by hand:
+edit `table.py`. The machine is small and shared, so only ratios of things measured side by side in one run mean
+anything; medians are given.
 
 """
 
 
-def text(results: Path) -> str:
-    """The page for all results present in a folder."""
+def text(results: Path, more: dict[str, Callable[[dict], str]]) -> str:
+    """The page for all results present in a folder; `more` makes sections of results that are not made here."""
     sections = {
         "trace_rate": _trace_rate,
         "whole_bake": _whole_bake,
         "scaling": _scaling,
         "streams": _streams,
         "cycles_ao": _cycles_ao,
+        **more,
     }
     parts = [_HEAD]
     for name, section in sections.items():

@@ -83,7 +83,7 @@ class AdaptiveTexels:
         )
         self._noise.add(self._white(one.values), self._white(other.values))
         band.known[wanted] = True
-        band.valid[wanted] = np.maximum(one.valid, other.valid)
+        band.valid[wanted] = 0.5 * (one.valid + other.valid)
         share = np.stack([one.valid, other.valid], 1)
         share /= np.maximum(share.sum(1), np.finfo(float).tiny)[:, None]
         band.values[wanted] = share[:, :1] * one.values + share[:, 1:] * other.values

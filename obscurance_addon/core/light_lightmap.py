@@ -18,7 +18,7 @@ from .embree import EmbreeIntersector
 from .light_bake import lit_scene
 from .light_records import LightSources, PatchMaterials
 from .light_settings import LightSettings, Quantity
-from .lightmap import AtlasLayout, estimate_pages, rays_per_texel
+from .lightmap import AtlasLayout, TexelProgress, estimate_pages, rays_per_texel
 from .lightmap_settings import LightmapSettings
 from .lit_faces import LitFaces, light_up_faces
 from .monitor import Monitor
@@ -89,18 +89,17 @@ def bake_light_map(
     built = time.perf_counter()
     faces = light_up_faces(scene, surfaces, n_faces, materials, sources, normalisation.scale, settings, light, monitor)
     lit = time.perf_counter()
+    progress = TexelProgress(monitor, settings.rays * (1 + len(scene.sources)))
     estimator = _TexelLight(
         faces,
-        TexelTracer(
-            traced, settings, channels_as_grey(surfaces, settings, True), lambda _rays: monitor.advance(0), block_rays
-        ),
+        TexelTracer(traced, settings, channels_as_grey(surfaces, settings, True), progress.cast, block_rays),
         light,
         lightmap,
         factor / np.pi,
         materials_at,
     )
     monitor.phase("trace", int(triangles.texels()))
-    pages, counts = estimate_pages(triangles, layout.pages, n_faces, lightmap, estimator, monitor)
+    pages, counts = estimate_pages(triangles, layout.pages, n_faces, lightmap, estimator, progress)
     gathered = time.perf_counter()
     finished = [page.finish(estimator, lightmap.margin_texels, lambda: monitor.advance(0)) for page in pages]
     return Lightmap(

@@ -7,6 +7,7 @@ value is, and when it is known, is the business of an estimator; this file finds
 from __future__ import annotations
 
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -68,7 +69,10 @@ class AtlasLayout:
         """
         found = AtlasTriangles.of(self.corners, self.uv * size, self.page, self.chart, self.face, normalisation)
         if not len(found):
-            raise GeometryError("no face has an area in the UV map: unwrap anew, or choose another UV map")
+            raise GeometryError(
+                "no face that can be traced has an area in the UV map: unwrap anew, or choose another UV map; where "
+                "there is one, a vertex may be far astray: repair the mesh"
+            )
         return found
 
 
@@ -146,6 +150,41 @@ class TexelCounts:
         return np.sqrt(np.maximum(((value - one) * (value - other)).mean(0)[:3], 0.0))
 
 
+class TexelProgress:
+    """Tells a monitor how many texels are done, from the rays cast for those of each band.
+
+    Parameters
+    ----------
+    monitor : Monitor
+        In a phase whose total is the number of texels.
+    rays : int
+        Cast from each texel, about.
+    """
+
+    def __init__(self, monitor: Monitor, rays: int) -> None:
+        self._monitor, self._rays = monitor, rays
+        self._lock = threading.Lock()
+        self._left, self._cast = 0, 0
+
+    def begin(self, texels: int) -> None:
+        """A band of so many texels begins."""
+        self._left, self._cast = texels, 0
+
+    def cast(self, rays: int) -> None:
+        """So many rays more were cast; from any thread, and may raise to cancel."""
+        with self._lock:
+            self._cast += rays
+            done = min(self._cast // self._rays, self._left)
+            self._cast -= done * self._rays
+            self._left -= done
+        self._monitor.advance(done)
+
+    def end(self) -> None:
+        """The band is done, however few rays it took."""
+        self._monitor.advance(self._left)
+        self._left = 0
+
+
 def rays_per_texel(settings: BakeSettings, texels: float) -> BakeSettings:
     """Settings without a ray budget: it is shared out over the texels, whose areas are alike."""
     if settings.ray_budget is None:
@@ -160,7 +199,7 @@ def estimate_pages(
     n_faces: int,
     lightmap: LightmapSettings,
     estimator: TexelEstimator,
-    monitor: Monitor,
+    progress: TexelProgress,
 ) -> tuple[list[np.ndarray], TexelCounts]:
     """Find the colour of every texel of an atlas.
 
@@ -171,8 +210,7 @@ def estimate_pages(
         Numbers of pages and of face patches.
     lightmap : LightmapSettings
     estimator : TexelEstimator
-    monitor : Monitor
-        In a phase whose total is `triangles.texels()`.
+    progress : TexelProgress
 
     Returns
     -------
@@ -187,13 +225,14 @@ def estimate_pages(
     for number in range(pages):
         page = AtlasPage.empty(size, on_disk=pages > 1)
         for texels, n, rows in _bands(triangles, size, number):
+            progress.begin(n)
             values, valid = estimator.estimate(texels, n, rows)
             sampled = np.flatnonzero((texels.ids[:n] < share * 2.0**32) & (valid >= MIN_EXPOSED))
             if len(sampled):
                 counts.sample.append((values[sampled], *(estimator.repeat(texels, sampled, k) for k in REPLICATES)))
             counts.add(texels, valid)
             page.put(texels.index[:n], values, texels.chart[:n], valid >= MIN_EXPOSED)
-            monitor.advance(n)
+            progress.end()
         estimated.append(page)
     return estimated, counts
 

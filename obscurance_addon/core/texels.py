@@ -13,11 +13,10 @@ import numpy as np
 from .atlas_triangles import AtlasTriangles
 from .patches import Cells
 from .sobol import hash32
+from .texel_clipping import cut_squares, polygon_areas, ranges, spans
 
 MIN_COVER = 1e-6  # share of a texel below which it counts as not covered
 OVERLAP = 1e-3  # by how much parts may exceed a texel before they overlap
-_SLICE = 1 << 15  # texels clipped at once: they stay in the cache
-_MOST_CORNERS = 7  # of a square cut by a triangle
 
 
 @dataclass(frozen=True)
@@ -33,9 +32,9 @@ class Texels:
         Of the page.
     chart : ndarray, (n,) int32
     face : ndarray, (n,) int64
-        The face patch that covers most of each,
+        The face patch of the largest part of each,
     triangle : ndarray, (n,) int64
-        and the triangle of the layout that does.
+        and the triangle of the layout that it belongs to.
     cover : ndarray, (n,) float64
         Covered share, 0 .. 1.
     area : ndarray, (n,) float64
@@ -45,8 +44,10 @@ class Texels:
     whole, parts : Cells
         Parallelograms and triangles; their patches are texels, and each texel has cells of one kind only.
     overlap : ndarray, (m,) int64
-        Texels that several parts of the surface cover, counted from 0 in `index`, once for each face.
+        Texels that several parts of the surface cover, counted from 0 in `index`: once for each chart, or twice for a
+        chart that overlaps itself,
     overlap_face : ndarray, (m,) int64
+        and the face that covers most of the texel there.
     """
 
     index: np.ndarray
@@ -83,17 +84,20 @@ def covered_texels(triangles: AtlasTriangles, size: int, page: int, rows: tuple[
     low, high = triangles.uv[..., 1].min(1), triangles.uv[..., 1].max(1)
     chosen = np.flatnonzero((triangles.page == page) & (low < rows[1]) & (high > rows[0]))
     triangles = triangles.only(chosen)
-    inner, outer = _spans(triangles.uv, rows, size)
+    inner, outer = spans(triangles.uv, rows, size)
     whole_triangle, whole_x, whole_y = inner
-    polygon, corners, triangle, x, y = _cut(triangles.uv, *outer)
-    cover = np.concatenate([np.ones(len(whole_x)), _polygon_areas(polygon, corners)])
+    polygon, corners, triangle, x, y = cut_squares(triangles.uv, *outer)
+    cover = np.concatenate([np.ones(len(whole_x)), polygon_areas(polygon, corners)])
     triangle, x, y = (np.concatenate(pair) for pair in ((whole_triangle, triangle), (whole_x, x), (whole_y, y)))
     kept = np.flatnonzero(cover > MIN_COVER)
     texel, triangle, cover = (y * size + x)[kept], triangle[kept], cover[kept]
     index, texel = np.unique(texel, return_inverse=True)
     n = len(index)
     crowded = np.bincount(texel, cover, n) > 1.0 + OVERLAP
-    overlap = np.unique(np.stack([texel, triangles.face[triangle]], 1)[crowded[texel]], axis=0)
+    entries = np.flatnonzero(crowded[texel])
+    entries = entries[_overlapping(texel[entries], triangles.chart[triangle[entries]], cover[entries])]
+    overlap, overlap_face = texel[entries], triangles.face[triangle[entries]]
+    order = np.lexsort((overlap_face, overlap))
     is_whole = kept < len(whole_x)
     chosen = _winners(texel, triangles.chart[triangle], cover, is_whole)
     texel, triangle, cover, is_whole, kept = (a[chosen] for a in (texel, triangle, cover, is_whole, kept))
@@ -123,111 +127,20 @@ def covered_texels(triangles: AtlasTriangles, size: int, page: int, rows: tuple[
         normal=mean_normal / np.maximum(np.linalg.norm(mean_normal, axis=1), np.finfo(float).tiny)[:, None],
         whole=_cells(triangles, whole, triangle[is_whole], texel[is_whole], total, None),
         parts=_cells(triangles, fans, triangle[part][owner], texel[part][owner], total, _double_areas(fans) / 2.0),
-        overlap=overlap[:, 0],
-        overlap_face=overlap[:, 1],
+        overlap=overlap[order],
+        overlap_face=overlap_face[order],
     )
 
 
-def _spans(uv: np.ndarray, rows: tuple[int, int], size: int) -> tuple[tuple, tuple]:
-    """(triangle, x, y) of texels wholly in a triangle, and of those that are partly in it, within the rows."""
-    bottom = np.maximum(np.floor(uv[..., 1].min(1)), rows[0]).astype(np.int64)
-    top = np.minimum(np.ceil(uv[..., 1].max(1)), rows[1]).astype(np.int64)
-    triangle, line = _ranges(bottom, top + 1)
-    left, right = _crossings(uv[triangle], line)
-    is_row = np.flatnonzero(line < top[triangle])  # the line above belongs to the same triangle
-    triangle, y = triangle[is_row], line[is_row]
-    corner_x, corner_y = uv[triangle, :, 0], uv[triangle, :, 1]
-    within = (corner_y >= y[:, None]) & (corner_y <= y[:, None] + 1)
-    far_left = np.where(within, corner_x, np.inf).min(1)
-    far_right = np.where(within, corner_x, -np.inf).max(1)
-    below, above = left[is_row], left[is_row + 1]
-    first = np.ceil(np.maximum(below, above))
-    outer_first = np.floor(np.minimum(np.minimum(below, above), far_left))
-    below, above = right[is_row], right[is_row + 1]
-    end = np.floor(np.minimum(below, above))
-    outer_end = np.ceil(np.maximum(np.maximum(below, above), far_right))
-    first, end, outer_first, outer_end = (
-        np.clip(x, 0, size).astype(np.int64) for x in (first, end, outer_first, outer_end)
-    )
-    none = end <= first
-    first, end = np.where(none, outer_end, first), np.where(none, outer_end, end)
-    inner_row, inner_x = _ranges(first, end)
-    left_row, left_x = _ranges(outer_first, first)
-    right_row, right_x = _ranges(end, outer_end)
-    outer_row, outer_x = np.concatenate([left_row, right_row]), np.concatenate([left_x, right_x])
-    return (triangle[inner_row], inner_x, y[inner_row]), (triangle[outer_row], outer_x, y[outer_row])
-
-
-def _ranges(first: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """All whole numbers of the ranges first .. end - 1, each (k,), and the range that each belongs to."""
-    count = np.maximum(end - first, 0)
-    owner = np.repeat(np.arange(len(first)), count)
-    return owner, np.arange(len(owner)) + np.repeat(first - (np.cumsum(count) - count), count)
-
-
-def _crossings(uv: np.ndarray, line: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where horizontal lines (k,) enter and leave triangles (k, 3, 2); inf and -inf where they miss."""
-    left, right = np.full(len(line), np.inf), np.full(len(line), -np.inf)
-    for k in range(3):
-        ax, ay = uv[:, k].T
-        bx, by = uv[:, (k + 1) % 3].T
-        met = (np.minimum(ay, by) <= line) & (line <= np.maximum(ay, by))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            x = ax + (line - ay) * (bx - ax) / (by - ay)
-        level = ay == by
-        low, high = np.where(level, np.minimum(ax, bx), x), np.where(level, np.maximum(ax, bx), x)
-        left[met], right[met] = np.minimum(left[met], low[met]), np.maximum(right[met], high[met])
-    return left, right
-
-
-def _cut(uv: np.ndarray, triangle: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Texels (m,) cut by triangles: polygons (k, 7, 2), their numbers of corners, and triangle, x, y of each."""
-    found = []
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64)
-    for at in range(0, len(x), _SLICE):
-        part = slice(at, at + _SLICE)
-        corner = np.stack([x[part], y[part]], -1)
-        polygon = corner[:, None] + square
-        count = np.full(len(polygon), 4)
-        own = uv[triangle[part]]
-        for k in range(3):
-            polygon, count = _clip(polygon, count, own[:, k], own[:, (k + 1) % 3])
-        kept = np.flatnonzero(count > 2)
-        found.append((polygon[kept], count[kept], triangle[part][kept], x[part][kept], y[part][kept]))
-    if not found:
-        none = np.zeros(0, np.int64)
-        return np.zeros((0, _MOST_CORNERS, 2)), none, none, none, none
-    return tuple(map(np.concatenate, zip(*found, strict=True)))
-
-
-def _clip(polygon: np.ndarray, count: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What of convex polygons (m, k, 2) with `count` corners is left of the lines from a to b, each (m, 2)."""
-    m, k, _ = polygon.shape
-    edge = b - a
-    away = edge[:, None, 0] * (polygon[..., 1] - a[:, None, 1]) - edge[:, None, 1] * (polygon[..., 0] - a[:, None, 0])
-    corner = np.arange(k)
-    used = corner < count[:, None]
-    following = np.where(corner + 1 < count[:, None], corner + 1, 0)
-    away_next = np.take_along_axis(away, following, 1)
-    inside = away >= 0.0
-    crosses = used & (inside != (away_next >= 0.0))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        t = away / (away - away_next)
-        cut = polygon + t[..., None] * (np.take_along_axis(polygon, following[..., None], 1) - polygon)
-    corners = np.stack([polygon, cut], 2).reshape(m, 2 * k, 2)
-    kept = np.stack([inside & used, crosses], 2).reshape(m, 2 * k)
-    order = np.argsort(~kept, axis=1, kind="stable")[:, : k + 1]
-    return np.take_along_axis(corners, order[..., None], 1), kept.sum(1)
-
-
-def _polygon_areas(polygon: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Areas (m,) of polygons (m, k, 2) with `count` corners."""
-    corner = np.arange(polygon.shape[1])
-    shifted = polygon - polygon[:, :1]
-    x, y = shifted[..., 0], shifted[..., 1]
-    with np.errstate(invalid="ignore", over="ignore"):  # corners beyond `count` hold anything
-        cross = x[:, :-1] * y[:, 1:] - y[:, :-1] * x[:, 1:]
-    return 0.5 * np.where(corner[1:] < count[:, None], cross, 0.0).sum(1)
+def _overlapping(texel: np.ndarray, chart: np.ndarray, cover: np.ndarray) -> np.ndarray:
+    """Of entries in crowded texels, the largest of each chart, or the two largest where there is one chart only."""
+    order = np.lexsort((-cover, chart, texel))
+    texel, chart = texel[order], chart[order]
+    new_texel = np.diff(texel, prepend=-1) != 0
+    largest = new_texel | (np.diff(chart, prepend=-1) != 0)
+    alone = np.bincount(texel, largest) == 1
+    second = np.r_[False, largest[:-1]] & ~new_texel & alone[texel]
+    return order[largest | second]
 
 
 def _winners(texel: np.ndarray, chart: np.ndarray, cover: np.ndarray, is_whole: np.ndarray) -> np.ndarray:
@@ -262,7 +175,7 @@ def _fans(
     triangles: AtlasTriangles, triangle: np.ndarray, polygon: np.ndarray, count: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Edge, edge and corner (f, 3, 3) of the triangles that polygons (m, k, 2) consist of, and the polygon of each."""
-    owner, second = _ranges(np.ones(len(count), np.int64), count - 1)
+    owner, second = ranges(np.ones(len(count), np.int64), count - 1)
     corner = polygon[owner, 0]
     one, two = polygon[owner, second] - corner, polygon[owner, second + 1] - corner
     step = triangles.step[triangle[owner]]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -224,7 +225,7 @@ def estimate_pages(
     estimated = []
     for number in range(pages):
         page = AtlasPage.empty(size, on_disk=pages > 1)
-        for texels, n, rows in _bands(triangles, size, number):
+        for texels, n, rows in _one_ahead(_bands(triangles, size, number)):
             progress.begin(n)
             values, valid = estimator.estimate(texels, n, rows)
             sampled = np.flatnonzero((texels.ids[:n] < share * 2.0**32) & (valid >= MIN_EXPOSED))
@@ -287,6 +288,15 @@ class AtlasPage:
         self.pixels[:, 3] = self.chart >= 0
         self.pixels[self.chart < 0, :3] = 0.0
         return self.pixels.reshape(self.size, self.size, 4)
+
+
+def _one_ahead(bands: Iterator[tuple]) -> Iterator[tuple]:
+    """The same bands; each is found while the one before it is traced."""
+    with ThreadPoolExecutor(1) as pool:
+        following = pool.submit(next, bands, None)
+        while (band := following.result()) is not None:
+            following = pool.submit(next, bands, None)
+            yield band
 
 
 def _bands(triangles: AtlasTriangles, size: int, page: int) -> Iterator[tuple[Texels, int, tuple[int, int]]]:

@@ -67,11 +67,12 @@ def cut_squares(uv: np.ndarray, triangle: np.ndarray, x: np.ndarray, y: np.ndarr
     for at in range(0, len(x), _SLICE):
         part = slice(at, at + _SLICE)
         corner = np.stack([x[part], y[part]], -1)
-        polygon = corner[:, None] + square
+        polygon = np.zeros((len(corner), _MOST_CORNERS, 2))
+        polygon[:, :4] = corner[:, None] + square
         count = np.full(len(polygon), 4)
         own = uv[triangle[part]]
         for k in range(3):
-            polygon, count = _clip(polygon, count, own[:, k], own[:, (k + 1) % 3])
+            _clip(polygon, count, own[:, k], own[:, (k + 1) % 3])
         kept = np.flatnonzero(count > 2)
         found.append((polygon[kept], count[kept], triangle[part][kept], x[part][kept], y[part][kept]))
     if not found:
@@ -80,13 +81,25 @@ def cut_squares(uv: np.ndarray, triangle: np.ndarray, x: np.ndarray, y: np.ndarr
     return tuple(map(np.concatenate, zip(*found, strict=True)))
 
 
-def _clip(polygon: np.ndarray, count: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What of convex polygons (m, k, 2) with `count` corners is left of the lines from a to b, each (m, 2)."""
-    m, k, _ = polygon.shape
+def _clip(polygon: np.ndarray, count: np.ndarray, a: np.ndarray, b: np.ndarray) -> None:
+    """Leave of convex polygons (m, 7, 2) with `count` (m,) corners what is left of the lines from a to b, each (m, 2).
+
+    Most polygons lie on one side of a line; only the others are cut.
+    """
     edge = b - a
     away = edge[:, None, 0] * (polygon[..., 1] - a[:, None, 1]) - edge[:, None, 1] * (polygon[..., 0] - a[:, None, 0])
+    used = np.arange(_MOST_CORNERS) < count[:, None]
+    outside = ((away < 0.0) & used).sum(1)
+    crossing = np.flatnonzero((outside > 0) & (outside < count))
+    count[outside == count] = 0
+    if len(crossing):
+        polygon[crossing], count[crossing] = _cut(polygon[crossing], count[crossing], away[crossing], used[crossing])
+
+
+def _cut(polygon: np.ndarray, count: np.ndarray, away: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Polygons (m, 7, 2) and their numbers of corners where `away` (m, 7), a distance, is not negative."""
+    m, k, _ = polygon.shape
     corner = np.arange(k)
-    used = corner < count[:, None]
     following = np.where(corner + 1 < count[:, None], corner + 1, 0)
     away_next = np.take_along_axis(away, following, 1)
     inside = away >= 0.0
@@ -96,7 +109,7 @@ def _clip(polygon: np.ndarray, count: np.ndarray, a: np.ndarray, b: np.ndarray) 
         cut = polygon + t[..., None] * (np.take_along_axis(polygon, following[..., None], 1) - polygon)
     corners = np.stack([polygon, cut], 2).reshape(m, 2 * k, 2)
     kept = np.stack([inside & used, crosses], 2).reshape(m, 2 * k)
-    order = np.argsort(~kept, axis=1, kind="stable")[:, : k + 1]
+    order = np.argsort(~kept, axis=1, kind="stable")[:, :k]
     return np.take_along_axis(corners, order[..., None], 1), kept.sum(1)
 
 

@@ -201,7 +201,7 @@ def estimate_pages(
     lightmap: LightmapSettings,
     estimator: TexelEstimator,
     progress: TexelProgress,
-) -> tuple[list[np.ndarray], TexelCounts]:
+) -> tuple[list[AtlasPage], TexelCounts]:
     """Find the colour of every texel of an atlas.
 
     Parameters

@@ -13,7 +13,7 @@ _HEAD = """# Benchmarks
 
     make bench
 
-runs everything here in about three quarters of an hour, most of it for lightmaps, writes raw results to `results/`,
+runs everything here in about half an hour, most of it for lightmaps, writes raw results to `results/`,
 this page, and [docs/light_error.md](../docs/light_error.md), light beside radiosity. Nothing on them is typed by hand:
 edit `table.py`. The machine is small and shared, so only ratios of things measured side by side in one run mean
 anything; medians are given.

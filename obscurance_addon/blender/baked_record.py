@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import CollectionProperty, FloatProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, FloatProperty, PointerProperty, StringProperty
 
 from ..core.light_settings import LightSettings, Quantity
 
@@ -17,6 +17,7 @@ class BakedLayer(bpy.types.PropertyGroup):
     exposure: FloatProperty(name="Exposure", options=set())
     image: PointerProperty(name="Image", description="Lightmap that holds the result", type=bpy.types.Image)
     uv_map: StringProperty(name="UV Map", description="Where faces lie in the lightmap", options=set())
+    made_uv_map: BoolProperty(name="Made UV Map", description="Whether a bake made the UV map", options=set())
 
 
 def what_is_stored(light: LightSettings) -> str:
@@ -33,13 +34,18 @@ def remember(
     exposure: float,
     image: bpy.types.Image | None = None,
     uv_map: str = "",
+    made_uv_map: bool = False,
 ) -> None:
-    """Note what a result on a mesh holds now; `image` and `uv_map` where it is a lightmap."""
+    """Note what a result on a mesh holds now.
+
+    Where it is a lightmap, `image` holds it by way of `uv_map`, which this bake made or, if not, a former one may have.
+    """
     found = mesh.obscurance_layers.get(layer)
     if found is None:
         found = mesh.obscurance_layers.add()
         found.name = layer
     found.quantity, found.exposure = stored, exposure
+    found.made_uv_map = made_uv_map or (bool(uv_map) and found.uv_map == uv_map and found.made_uv_map)
     found.image, found.uv_map = image, uv_map
 
 
@@ -60,7 +66,7 @@ def lightmap_of(mesh: bpy.types.Mesh, name: str) -> tuple[bpy.types.Image, str] 
 def is_own_uv_map(mesh: bpy.types.Mesh, name: str) -> bool:
     """Whether a UV map of this name is one that a bake made for a lightmap."""
     found = mesh.obscurance_layers.get(name)
-    return found is not None and found.uv_map == name and name in mesh.uv_layers
+    return found is not None and found.made_uv_map and found.uv_map == name and name in mesh.uv_layers
 
 
 def is_own_color(mesh: bpy.types.Mesh, name: str) -> bool:

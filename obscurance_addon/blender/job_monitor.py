@@ -22,7 +22,7 @@ _PHASES = {
 }
 _LIGHTMAP_PHASES = {
     Quantity.OBSCURANCE: ("build", "trace"),
-    Quantity.DIRECT: ("build", "trace"),
+    Quantity.DIRECT: ("build", "light", "trace"),
     Quantity.AMBIENT: ("build", "light", "redistribute", "trace"),
     Quantity.COMBINED: ("build", "light", "redistribute", "trace"),
     Quantity.RADIOSITY: ("build", "light", "radiosity", "trace"),

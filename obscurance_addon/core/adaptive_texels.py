@@ -19,6 +19,7 @@ from .texels import Texels
 
 STRIDES = (16, 8, 4)  # closer sparse texels, with more rays each, would cost as much as all texels
 SPARSE_FACTOR = 2  # times the usual rays from a sparse texel, twice over: it stands for many, and tells its own noise
+MOST_EXTRA_RAYS = (2 * SPARSE_FACTOR - 1) / 8  # of the usual ones: corners and centres of blocks are an eighth of all
 _SECOND_HALF = 3  # replicate of the second time; 1 and 2 are those of the error sample
 _WHOLE = 1.0 - 1e-6
 _SURE = 2.0  # standard errors of the noise that the test at the centre allows
@@ -89,7 +90,6 @@ class AdaptiveTexels:
         band.values[wanted] = share[:, :1] * one.values + share[:, 1:] * other.values
         band.nearness[wanted] = np.maximum(one.nearness, other.nearness)
         band.nearest[wanted] = np.minimum(one.nearest, other.nearest)
-        band.nearest[wanted[share.min(1) * 2.0 < _WHOLE]] = 0.0  # partly inside of a solid
 
     def _white(self, values: np.ndarray) -> np.ndarray:
         return (values[:, :3] + values[:, 3:] * self._open) / self._open

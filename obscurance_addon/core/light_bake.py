@@ -140,7 +140,7 @@ def bake_light(
         reflectors=len(reflectors) if reflectors else 0,
         reflected_share=reflectors.light_share if reflectors else 0.0,
         seconds={"build": built - began, "trace": obscured - built, "light": time.perf_counter() - obscured},
-        warnings=light_warnings(scene, lit, emitted, light) + (obscurances.warnings if obscurances else []),
+        warnings=light_warnings(lit, emitted, light) + (obscurances.warnings if obscurances else []),
     )
 
 
@@ -170,21 +170,16 @@ def _sum_up(lit: LitPatches, indirect: IndirectLight | None, light: LightSetting
     return values, again
 
 
-def light_warnings(
-    scene: LitScene, lit: LitPatches | None, emitted: np.ndarray | None, light: LightSettings
-) -> list[str]:
-    """What the user should know about the light.
-
-    `lit` and `emitted` (3,) W, by lamps and surfaces, are None where only direct light on other receivers is known.
-    """
+def light_warnings(lit: LitPatches, emitted: np.ndarray, light: LightSettings) -> list[str]:
+    """What the user should know about the light; `emitted` (3,) W by lamps and surfaces."""
     warnings = []
-    unreached = [name for name in lit.direct.unreached if name != EmissiveTriangles.name] if lit else []
+    unreached = [name for name in lit.direct.unreached if name != EmissiveTriangles.name]
     if unreached:
         warnings.append(
             f"lights that reach no surface: {', '.join(map(repr, unreached))}; if one is inside of a wall or lamp "
             "housing, move it out"
         )
-    if not scene.sources and not scene.world.any():
+    if not lit.scene.sources and not lit.scene.world.any():
         warnings.append("nothing shines on the scene, so its light is black: add a light, or bake OBSCURANCE")
     from_emission = light.ambient is Ambient.EMISSION and light.quantity in _WITH_AMBIENT
     if from_emission and lit.unshot.any() and not emitted.any():

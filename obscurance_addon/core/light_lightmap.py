@@ -18,7 +18,7 @@ from .embree import EmbreeIntersector
 from .light_bake import lit_scene
 from .light_records import LightSources, PatchMaterials
 from .light_settings import LightSettings, Quantity
-from .lightmap import AtlasLayout, TexelProgress, estimate_pages, rays_per_texel
+from .lightmap import AtlasLayout, TexelProgress, estimate_pages, finish_pages, rays_per_texel
 from .lightmap_settings import LightmapSettings
 from .lit_faces import LitFaces, light_up_faces
 from .monitor import Monitor
@@ -84,7 +84,7 @@ def bake_light_map(
     began = time.perf_counter()
     traced, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector, whole=True)
     triangles = layout.triangles(lightmap.size, normalisation)
-    settings = rays_per_texel(settings, triangles.texels())
+    settings = rays_per_texel(settings, lightmap, triangles.texels())
     scene = lit_scene(traced, normalisation, patches.with_others(others), sources, settings)
     built = time.perf_counter()
     faces = light_up_faces(scene, surfaces, n_faces, materials, sources, normalisation.scale, settings, light, monitor)
@@ -101,7 +101,7 @@ def bake_light_map(
     monitor.phase("trace", int(triangles.texels()))
     pages, counts = estimate_pages(triangles, layout.pages, n_faces, lightmap, estimator, progress)
     gathered = time.perf_counter()
-    finished = [page.finish(estimator, lightmap.margin_texels, lambda: monitor.advance(0)) for page in pages]
+    finished = finish_pages(pages, estimator, lightmap, monitor)
     return Lightmap(
         pages=finished,
         counts=counts,

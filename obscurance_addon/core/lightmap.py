@@ -6,7 +6,6 @@ value is, and when it is known, is the business of an estimator; this file finds
 
 from __future__ import annotations
 
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -15,13 +14,14 @@ from typing import Protocol
 
 import numpy as np
 
+from .adaptive_texels import MOST_EXTRA_RAYS
+from .atlas_page import AtlasPage, check_room
 from .atlas_triangles import AtlasTriangles
 from .errors import GeometryError
 from .lightmap_settings import LightmapSettings
 from .monitor import Monitor
 from .patches import Normalisation
 from .settings import MIN_RAYS_PER_PATCH, BakeSettings
-from .texel_filling import dilate, fill_inside_charts
 from .texels import Texels, covered_texels
 
 ERROR_SAMPLE = 4096  # texels, about, that are traced twice more: enough to fix the RMSE to a few percent
@@ -186,11 +186,15 @@ class TexelProgress:
         self._left = 0
 
 
-def rays_per_texel(settings: BakeSettings, texels: float) -> BakeSettings:
-    """Settings without a ray budget: it is shared out over the texels, whose areas are alike."""
+def rays_per_texel(settings: BakeSettings, lightmap: LightmapSettings, texels: float) -> BakeSettings:
+    """Settings without a ray budget: it is shared out over the texels, whose areas are alike.
+
+    Sparse texels cast more rays, which is kept ready for the case that they save none.
+    """
     if settings.ray_budget is None:
         return settings
-    share = max(settings.ray_budget / max(texels, 1.0), MIN_RAYS_PER_PATCH)
+    most = texels * (1.0 + MOST_EXTRA_RAYS) if lightmap.adaptive else texels
+    share = max(settings.ray_budget / max(most, 1.0), MIN_RAYS_PER_PATCH)
     return replace(settings, rays=2 ** int(np.log2(share)), ray_budget=None)
 
 
@@ -218,8 +222,15 @@ def estimate_pages(
     pages : list of AtlasPage
         Unfinished.
     counts : TexelCounts
+
+    Raises
+    ------
+    GeometryError
+        When several pages have no room on the disk.
     """
     size = lightmap.size
+    if pages > 1:
+        check_room(pages, size)
     counts = TexelCounts(np.zeros(n_faces), np.zeros(n_faces))
     share = ERROR_SAMPLE / max(triangles.texels(), 1.0)
     estimated = []
@@ -238,56 +249,14 @@ def estimate_pages(
     return estimated, counts
 
 
-@dataclass
-class AtlasPage:
-    """One page while it is being filled.
-
-    Attributes
-    ----------
-    pixels : ndarray, (size * size, 4) float32
-    chart : ndarray, (size * size,) int32
-        -1 for empty texels.
-    size : int
-    missing : list of ndarray of int64
-        Covered texels without a value of their own.
-    """
-
-    pixels: np.ndarray
-    chart: np.ndarray
-    size: int
-    missing: list[np.ndarray] = field(default_factory=list)
-
-    @classmethod
-    def empty(cls, size: int, on_disk: bool) -> AtlasPage:
-        """A page without values, kept in a temporary file if it is one of many."""
-
-        def array(shape: tuple[int, ...], dtype: type) -> np.ndarray:
-            if not on_disk:
-                return np.zeros(shape, dtype)
-            with tempfile.TemporaryFile() as file:
-                return np.memmap(file, dtype, "w+", shape=shape)
-
-        chart = array((size * size,), np.int32)
-        chart[:] = -1
-        return cls(array((size * size, 4), np.float32), chart, size)
-
-    def put(self, texel: np.ndarray, values: np.ndarray, chart: np.ndarray, valid: np.ndarray) -> None:
-        """Set texels (n,) to values (n, 4), and note their charts, and which of them have no value after all."""
-        self.pixels[texel], self.chart[texel] = values, chart
-        self.missing.append(texel[~valid])
-
-    def finish(self, estimator: TexelEstimator, margin: int, check: Callable[[], None]) -> np.ndarray:
-        """Turn values into colours and continue them into what has none; (size, size, 4) float32, bottom row first."""
-        for at in range(0, len(self.pixels), _BAND_TEXELS):
-            check()
-            estimator.finish(self.pixels[at : at + _BAND_TEXELS])
-        missing = np.concatenate(self.missing or [np.zeros(0, np.int64)])
-        alone = fill_inside_charts(self.pixels, self.chart, missing, self.size)
-        self.pixels[alone, :3] = estimator.open_color()
-        dilate(self.pixels, self.chart, self.size, margin)
-        self.pixels[:, 3] = self.chart >= 0
-        self.pixels[self.chart < 0, :3] = 0.0
-        return self.pixels.reshape(self.size, self.size, 4)
+def finish_pages(
+    pages: list[AtlasPage], estimator: TexelEstimator, lightmap: LightmapSettings, monitor: Monitor
+) -> list[np.ndarray]:
+    """The colours of pages (size, size, 4) float32, the bottom row first: holes and margins filled, alpha 1 or 0."""
+    return [
+        page.finish(estimator.finish, estimator.open_color(), lightmap.margin_texels, lambda: monitor.advance(0))
+        for page in pages
+    ]
 
 
 def _one_ahead(bands: Iterator[tuple]) -> Iterator[tuple]:
@@ -301,7 +270,7 @@ def _one_ahead(bands: Iterator[tuple]) -> Iterator[tuple]:
 
 def _bands(triangles: AtlasTriangles, size: int, page: int) -> Iterator[tuple[Texels, int, tuple[int, int]]]:
     """Covered texels of some rows and of the row above them, the number of those below it, and the rows."""
-    height = max(_BAND_ROWS, _BAND_TEXELS // size)
+    height = _BAND_ROWS * max(1, _BAND_TEXELS // (size * _BAND_ROWS))
     for first in range(0, size, height):
         rows = (first, min(first + height + 1, size))
         texels = covered_texels(triangles, size, page, rows)

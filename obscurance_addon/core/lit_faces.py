@@ -27,8 +27,7 @@ class LitFaces:
 
     Attributes
     ----------
-    lit : LitPatches or None
-        None where nothing is passed on.
+    lit : LitPatches
     scene : LitScene
         Its cells are those of the faces.
     reflectance, emission : ndarray, (f, 3) float64
@@ -43,7 +42,7 @@ class LitFaces:
     warnings : list of str
     """
 
-    lit: LitPatches | None
+    lit: LitPatches
     scene: LitScene
     reflectance: np.ndarray
     emission: np.ndarray
@@ -67,12 +66,9 @@ def light_up_faces(
     light: LightSettings,
     monitor: Monitor,
 ) -> LitFaces:
-    """Find what faces scatter, who passes it on, and the ambient light; nothing of it for direct light alone."""
+    """Find what faces scatter and, unless direct light alone is asked for, who passes it on and the ambient light."""
     reflectance, emission = materials.reflectance[:n_faces], materials.emission[:n_faces]
     area = scene.traced.cells.area * metres_per_unit**2
-    if light.quantity is Quantity.DIRECT:
-        r_ave = mean_reflectance(surfaces, area[:n_faces], np.ones(n_faces), None)
-        return LitFaces(None, scene, reflectance, emission, r_ave, light_warnings(scene, None, None, light))
     lit = light_up(
         scene,
         materials,
@@ -91,7 +87,7 @@ def light_up_faces(
         reflectance,
         emission,
         mean_reflectance(surfaces, area[:n_faces], lit.direct.valid[:n_faces], reflectance),
-        light_warnings(scene, lit, emitted, light),
+        light_warnings(lit, emitted, light),
         rays=lit.rays,
         error_rays=lit.error_rays,
     )
@@ -101,5 +97,7 @@ def light_up_faces(
         factors = gather_form_factors(scene, per_patch, lit.direct.valid, settings, progress=monitor.advance)
         indirect = solve_radiosity(factors, materials.reflectance, lit.unshot, check=lambda: monitor.advance(0))
         return replace(found, radiosity=lit.unshot + indirect, rays=lit.rays + factors.rays)
+    if light.quantity is Quantity.DIRECT:
+        return found
     reflectors, ambient, rays = ambient_of_scene(lit, found.r_ave, emitted, settings, light, monitor)
     return replace(found, reflectors=reflectors, ambient=ambient, rays=lit.rays + rays)

@@ -12,7 +12,7 @@ from .adaptive_texels import AdaptiveTexels
 from .ambient import AmbientLight, mean_reflectance
 from .bake import precision_warnings
 from .embree import EmbreeIntersector
-from .lightmap import AtlasLayout, TexelCounts, TexelProgress, estimate_pages, rays_per_texel
+from .lightmap import AtlasLayout, TexelCounts, TexelProgress, estimate_pages, finish_pages, rays_per_texel
 from .lightmap_settings import LightmapSettings
 from .monitor import Monitor
 from .patch_samples import BLOCK_RAYS
@@ -113,7 +113,7 @@ def bake_lightmap(
     built = time.perf_counter()
     face_area = scene.cells.area * normalisation.scale**2
     guess = open_value(mean_reflectance(surfaces, face_area, np.ones(len(patches)), None), settings, white)
-    settings = rays_per_texel(settings, triangles.texels())
+    settings = rays_per_texel(settings, lightmap, triangles.texels())
     progress = TexelProgress(monitor, settings.rays)
     tracer = TexelTracer(scene, settings, channels_as_grey(surfaces, settings, white), progress.cast, block_rays)
     estimator = _Obscurances(TexelObscurances(tracer, guess, lightmap), guess, white)
@@ -122,7 +122,7 @@ def bake_lightmap(
     traced = time.perf_counter()
     r_ave = mean_reflectance(surfaces, face_area, counts.exposed(), patch_reflectance)
     estimator.open_value = open_value(r_ave, settings, white)
-    finished = [page.finish(estimator, lightmap.margin_texels, lambda: monitor.advance(0)) for page in pages]
+    finished = finish_pages(pages, estimator, lightmap, monitor)
     return Lightmap(
         pages=finished,
         counts=counts,

@@ -40,7 +40,7 @@ def lightmapped(ob=None, pages=None, name="Obscurance", stored=INDIRECT, exposur
     points = read(mesh, "position")[[loop.vertex_index for loop in mesh.loops]][:, :2]
     mesh.uv_layers[uv_map].uv.foreach_set("vector", ((points + 1.0) / 2.0).astype(np.float32).ravel())
     image = stage(pages or [page()], name, "", "EXR_HALF").land()
-    remember(mesh, name, stored, exposure, image, uv_map)
+    remember(mesh, name, stored, exposure, image, uv_map, made_uv_map=True)
     return ob
 
 

@@ -25,6 +25,8 @@ from .stored_preferences import preferred_threads
 # What may change over time without a surprise. Where results go, and how they are computed, may not.
 _KEYABLE: set[str] = {"ANIMATABLE"}
 _FIXED: set[str] = set()
+# Of paths that may begin with //; older versions take them without being told.
+_RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else _FIXED
 
 _ESTIMATOR_NAMES = [field.name for field in dataclasses.fields(BakeSettings)]
 _LIGHT_NAMES = [field.name for field in dataclasses.fields(LightSettings)]
@@ -204,7 +206,7 @@ class ObscuranceSettings(bpy.types.PropertyGroup):
         name="Image",
         description="File to save the lightmap to, // being the folder of the .blend. Empty packs it into the .blend",
         subtype="FILE_PATH",
-        options=_FIXED,
+        options=_RELATIVE_PATH,
     )
     image_format: EnumProperty(
         name="Format",

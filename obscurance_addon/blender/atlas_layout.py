@@ -14,7 +14,8 @@ from ..core.lightmap_settings import LightmapSettings, UvMode
 from ..core.unwrap import UnwrapMesh, unwrap
 from .bake_arrays import ObjectRange
 from .patch_parts import WorldObject
-from .scene_geometry import ObjectSnapshot, SceneSnapshot
+from .scene_geometry import SceneSnapshot
+from .scene_reader import ObjectSnapshot
 
 _COLUMNS, MOST_PAGES = 10, 100  # of UDIM tiles: ten in a row, and as many rows as fit into memory
 _ON_BORDER = 1e-5  # how far UVs may stand out of their tile

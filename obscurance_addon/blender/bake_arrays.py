@@ -13,7 +13,8 @@ from ..core.solids import solid_triangles
 from .materials import shade_faces
 from .output_settings import Target
 from .patch_parts import PatchPart, WorldObject, baked_part, other_part, unbaked_faces
-from .scene_geometry import ObjectSnapshot, SceneSnapshot
+from .scene_geometry import SceneSnapshot
+from .scene_reader import ObjectSnapshot
 
 MAX_TRIANGLES = 60_000_000  # about 12 GiB in the ray tracer; instances count each time
 

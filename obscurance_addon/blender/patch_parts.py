@@ -12,7 +12,8 @@ from ..core.patches import triangle_areas
 from ..core.sobol import hash32
 from .mesh_arrays import MeshArrays
 from .output_settings import Target
-from .scene_geometry import BakedObject, ObjectSnapshot
+from .scene_geometry import BakedObject
+from .scene_reader import ObjectSnapshot
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from ..core.lightmap import AtlasLayout
 from .bake_arrays import BakeArrays, material_slots
 from .materials import shade_faces
-from .scene_geometry import ObjectSnapshot
+from .scene_reader import ObjectSnapshot
 from .surface_arrays import SurfaceArrays
 
 # A triangle of half a texel about the middle of each, over which textures are averaged; in texels.

@@ -7,7 +7,7 @@ import bpy
 from ..blender.bake_job import BakeJob, BakeReport
 from ..blender.object_mode import ObjectModeGuard
 from ..blender.properties import property_again
-from ..blender.scene_geometry import SOLID_TYPES
+from ..blender.scene_reader import SOLID_TYPES
 from ..core.errors import ObscuranceError
 from ..core.native_library import why_missing
 

@@ -225,7 +225,7 @@ def test_nothing_carried_is_left_on_the_mesh(modify, target):
 
 
 @pytest.mark.parametrize(
-    ("module", "at"), [(carried_indices, "_put"), (scene_geometry, "read_mesh"), (scene_geometry, "_Reader")]
+    ("module", "at"), [(carried_indices, "_put"), (scene_geometry, "read_mesh"), (scene_geometry, "SceneReader")]
 )
 def test_nothing_carried_is_left_when_reading_fails(monkeypatch, module, at):
     """Whatever breaks while indices are on the mesh, they are taken off again."""

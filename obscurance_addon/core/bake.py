@@ -20,7 +20,7 @@ from .patch_samples import BLOCK_RAYS
 from .patches import Normalisation, Patches, Surfaces
 from .ray_allocation import allocate_rays
 from .ray_casting import Intersector
-from .scene_building import build_scene
+from .scene_building import Held, build_scene
 from .settings import BakeSettings
 from .sobol import hash32
 from .traced_scene import TracedScene
@@ -109,6 +109,7 @@ def bake_obscurances(
     monitor: Monitor | None = None,
     intersector: Callable[[np.ndarray, np.ndarray, Callable[[int], None]], Intersector] = EmbreeIntersector,
     block_rays: int = BLOCK_RAYS,
+    held: Held | None = None,
 ) -> Obscurances:
     """Compute the obscurances of patches among surfaces.
 
@@ -127,6 +128,9 @@ def bake_obscurances(
         Builds the ray tracer from normalised vertices, triangles and a progress callback.
     block_rays : int
         Rays per task; the result does not depend on it.
+    held : Held, optional
+        Takes the place of what is otherwise derived from the whole scene, so that bakes before and after a change can
+        be compared bit for bit.
 
     Raises
     ------
@@ -139,7 +143,7 @@ def bake_obscurances(
     if not len(patches):
         raise GeometryError("there is no face to bake")
     began = time.perf_counter()
-    scene, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector)
+    scene, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector, held=held)
     built = time.perf_counter()
     result = obscurances_in(
         scene,
@@ -152,6 +156,7 @@ def bake_obscurances(
         patch_reflectance=patch_reflectance,
         monitor=monitor,
         block_rays=block_rays,
+        rays=None if held is None else held.rays,
     )
     result.seconds["build"] = built - began
     return result
@@ -169,21 +174,27 @@ def obscurances_in(
     patch_reflectance: np.ndarray | None,
     monitor: Monitor,
     block_rays: int,
+    rays: np.ndarray | None = None,
 ) -> Obscurances:
-    """`bake_obscurances` once the scene is built: scene, normalisation and d_max as from `build_scene`."""
+    """`bake_obscurances` once the scene is built: its results first, then `Held.rays`."""
     began = time.perf_counter()
     sample = error_sample(ids)
-    per_patch = allocate_rays(scene.cells.area, settings)
+    per_patch = allocate_rays(scene.cells.area, settings) if rays is None else rays
     monitor.phase("trace", int(per_patch.sum() + per_patch[sample].sum()))
     cast = functools.partial(
-        gather_obscurances, ids=ids, settings=settings, progress=monitor.advance, block_rays=block_rays
+        gather_obscurances,
+        ids=ids,
+        settings=settings,
+        progress=monitor.advance,
+        block_rays=block_rays,
+        rays=per_patch,
     )
     sums = cast(scene)
     second = cast(dataclasses.replace(scene, cells=scene.cells.of_patches(sample)), replicate=1)
     traced = time.perf_counter()
 
     r_ave = mean_reflectance(surfaces, scene.cells.area * normalisation.scale**2, sums.valid, patch_reflectance)
-    values, again = (_values(s, r_ave, settings.use_bleeding) for s in (sums, second))
+    values, again = (patch_values(s, r_ave, settings.use_bleeding) for s in (sums, second))
     again[~(sample & (sums.valid > 0.0) & (second.valid > 0.0))] = np.nan
     rmse = half_difference(values, again)
     valid = sums.valid > 0.0
@@ -220,8 +231,8 @@ def error_sample(ids: np.ndarray) -> np.ndarray:
     return sample
 
 
-def _values(sums: ObscuranceSums, r_ave: np.ndarray, use_bleeding: bool) -> np.ndarray:
-    """(p, 4): W per channel and W without colour."""
+def patch_values(sums: ObscuranceSums, r_ave: np.ndarray, use_bleeding: bool) -> np.ndarray:
+    """(p, 4) float64: W per channel and W without colour; NaN for invalid patches."""
     grey = sums.grey()[:, None]
     return np.hstack([sums.coloured(r_ave) if use_bleeding else np.repeat(grey, 3, axis=1), grey])
 

@@ -26,14 +26,9 @@ def pass_doubled_faces(
     Faces that touch with opposite normals are in contact and do occlude.
     """
     offset = scene.cells.offset[cells]
-    if hits.distance.min() >= COPLANAR_OFFSETS * offset.max():
-        return
-    near = hits.distance.reshape(-1, n) < (COPLANAR_OFFSETS * offset)[:, None]
-    rays = np.flatnonzero(near.ravel() & (hits.triangle >= 0))
+    rays = _near_hits(scene, cells, n, hits)
     for _ in range(MAX_DOUBLES):
-        normal, other = scene.cells.frames[cells[rays // n], 2, 3:], hits.normal[rays]
-        cosine = np.einsum("ij,ij->i", normal, other)
-        rays = rays[cosine > SAME_DIRECTION * np.sqrt(np.einsum("ij,ij->i", other, other))]
+        rays = _that_meet_doubles(scene, cells, n, hits, rays)
         if not len(rays):
             return
         step = hits.distance[rays] + offset[rays // n]
@@ -42,6 +37,27 @@ def pass_doubled_faces(
         hits.distance[rays], hits.triangle[rays] = beyond.distance + step, beyond.triangle
         hits.normal[rays] = beyond.normal
         rays = rays[(hits.triangle[rays] >= 0) & (hits.distance[rays] < COPLANAR_OFFSETS * offset[rays // n])]
+
+
+def meet_doubled_faces(scene: TracedScene, cells: np.ndarray, n: int, hits: Hits) -> np.ndarray:
+    """Indices (k,) of the rays that `pass_doubled_faces` would let through; cells (m,) int have n rays each."""
+    return _that_meet_doubles(scene, cells, n, hits, _near_hits(scene, cells, n, hits))
+
+
+def _near_hits(scene: TracedScene, cells: np.ndarray, n: int, hits: Hits) -> np.ndarray:
+    """Indices of the rays that meet something within a few ray offsets."""
+    reach = COPLANAR_OFFSETS * scene.cells.offset[cells]
+    if hits.distance.min() >= reach.max():
+        return np.zeros(0, np.intp)
+    near = hits.distance.reshape(-1, n) < reach[:, None]
+    return np.flatnonzero(near.ravel() & (hits.triangle >= 0))
+
+
+def _that_meet_doubles(scene: TracedScene, cells: np.ndarray, n: int, hits: Hits, rays: np.ndarray) -> np.ndarray:
+    """Those of the rays (k,) int whose hit looks the same way as the face that they leave."""
+    normal, other = scene.cells.frames[cells[rays // n], 2, 3:], hits.normal[rays]
+    cosine = np.einsum("ij,ij->i", normal, other)
+    return rays[cosine > SAME_DIRECTION * np.sqrt(np.einsum("ij,ij->i", other, other))]
 
 
 def shadowed(

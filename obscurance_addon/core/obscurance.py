@@ -15,6 +15,7 @@ from .falloff import apply_falloff
 from .first_hits import pass_doubled_faces, starts_inside
 from .patch_samples import BLOCK_RAYS, PatchSamples
 from .ray_allocation import allocate_rays
+from .ray_casting import Hits
 from .settings import BakeSettings
 from .traced_scene import FAR, NEAR, TracedScene
 
@@ -73,6 +74,7 @@ def gather_obscurances(
     progress: Progress | None = None,
     block_rays: int = BLOCK_RAYS,
     with_distances: bool = False,
+    rays: np.ndarray | None = None,
 ) -> ObscuranceSums:
     """Cast the rays of all patches that have cells, and sum what they meet.
 
@@ -90,13 +92,15 @@ def gather_obscurances(
         Rays per task; the result does not depend on it.
     with_distances : bool
         Ask how far the surroundings are as well.
+    rays : ndarray, (p,) int, optional
+        Rays of each patch, instead of what the settings say.
 
     Returns
     -------
     ObscuranceSums
         Bit for bit the same for any number of threads and any block size.
     """
-    caster = _Caster(scene, ids, settings, replicate, progress or _ignore, block_rays, with_distances)
+    caster = Caster(scene, ids, settings, replicate, progress or _ignore, block_rays, with_distances, rays)
     caster.cast(np.arange(len(scene.cells.patch)))
     if scene.solid is not None:
         caster.recast_patches_inside_solids()
@@ -107,26 +111,29 @@ def _ignore(_rays: int) -> None:
     return None
 
 
-class _Caster:
-    """Sums per cell, filled block by block; every block writes its own cells, so threads need no lock."""
+class Caster:
+    """Sums per cell, filled block by block; every block writes its own cells, so threads need no lock.
+
+    Parameters as for `gather_obscurances`. Where the answers to the rays come from, subclasses may decide.
+    """
 
     def __init__(
         self,
         scene: TracedScene,
         ids: np.ndarray,
         settings: BakeSettings,
-        replicate: int,
-        progress: Progress,
-        block_rays: int,
-        with_distances: bool,
+        replicate: int = 0,
+        progress: Progress = _ignore,
+        block_rays: int = BLOCK_RAYS,
+        with_distances: bool = False,
+        rays: np.ndarray | None = None,
     ) -> None:
         self.scene = scene
         self.progress = progress
         self.block_rays = block_rays
         self.rays = 0
-        self.samples = PatchSamples(
-            scene.cells, ids, allocate_rays(scene.cells.area, settings), settings, replicate, block_rays
-        )
+        per_patch = allocate_rays(scene.cells.area, settings) if rays is None else rays
+        self.samples = PatchSamples(scene.cells, ids, per_patch, settings, replicate, block_rays)
         self.sums = np.zeros((6 + with_distances, len(scene.cells.patch)))
         self.nearest = np.full(len(scene.cells.patch), FAR, np.float64) if with_distances else None
 
@@ -142,20 +149,36 @@ class _Caster:
         limits = self.samples.scratch.array("limits", (len(origins),))
         limits.fill(limit)
         if scene.needs_only_occlusion and self.nearest is None:
-            blocked = scene.intersector.occluded(origins, directions, limits).reshape(-1, n)
+            blocked = self.blocked(cells, origins, directions, limits).reshape(-1, n)
             self.sums[_MISS, cells] += n - np.count_nonzero(blocked, axis=1)
             self.progress(len(origins))
             return
-        hits = scene.intersector.intersect(origins, directions, limits)
-        pass_doubled_faces(scene, cells, n, origins, directions, limit, hits)
-        dropped = None
-        if scene.solid is not None:
-            dropped = starts_inside(scene, directions, hits)
-            if unbounded:
-                hits.triangle[(hits.distance >= scene.limit) & ~dropped] = -1
-                np.minimum(hits.distance, scene.limit, out=hits.distance)
+        hits, dropped = self.first_hits(cells, origins, directions, limits, limit)
+        if unbounded:
+            hits.triangle[(hits.distance >= scene.limit) & ~dropped] = -1
+            np.minimum(hits.distance, scene.limit, out=hits.distance)
         self._weigh(cells, n, hits.distance, hits.triangle, dropped)
         self.progress(len(origins))
+
+    def blocked(self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
+        """(m n,) bool: which rays of the cells (m,), n of each, meet anything nearer than their limit."""
+        return self.scene.intersector.occluded(origins, directions, limits)
+
+    def first_hits(
+        self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray, limit: np.float32
+    ) -> tuple[Hits, np.ndarray | None]:
+        """What the rays of the cells (m,), n of each, meet nearer than `limit`, of which `limits` (m n,) is full.
+
+        Returns
+        -------
+        hits : Hits
+            Of m n rays, doubled faces passed.
+        dropped : ndarray, (m n,) bool, or None
+            Rays that start inside of a solid; None where there is no solid.
+        """
+        hits = self.scene.intersector.intersect(origins, directions, limits)
+        pass_doubled_faces(self.scene, cells, len(origins) // len(cells), origins, directions, limit, hits)
+        return hits, None if self.scene.solid is None else starts_inside(self.scene, directions, hits)
 
     def _weigh(
         self, cells: np.ndarray, n: int, distance: np.ndarray, triangle: np.ndarray, dropped: np.ndarray | None
@@ -196,20 +219,20 @@ class _Caster:
         first_cell = first_cell[has_misses[patch[first_cell]] & ~suspect[patch[first_cell]]]
         for at in range(0, len(first_cell), self.block_rays):
             probes = first_cell[at : at + self.block_rays]
-            suspect[patch[probes[self._probe(probes)]]] = True
+            suspect[patch[probes[starts_inside(self.scene, *self.probe(probes))]]] = True
         again = np.flatnonzero(suspect[patch])
         self.sums[:, again] = 0.0
         if self.nearest is not None:
             self.nearest[again] = FAR
         self.cast(again, unbounded=True)
 
-    def _probe(self, cells: np.ndarray) -> np.ndarray:
-        """(m,) bool: whether the first ray of each cell starts inside of a solid."""
+    def probe(self, cells: np.ndarray) -> tuple[np.ndarray, Hits]:
+        """Directions (m, 3) and unlimited hits of the first ray of each cell (m,)."""
         rows = self.samples.first_rows(cells)
         origins, directions = self.samples.origins(cells, rows), self.samples.directions(cells, rows)
         hits = self.scene.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
         self.rays += len(origins)
-        return starts_inside(self.scene, directions, hits)
+        return directions, hits
 
     def patch_sums(self) -> ObscuranceSums:
         """Cells weighed by area into patches."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +14,24 @@ from .patches import Normalisation, Patches, Surfaces, bounding_box, usable_tria
 from .ray_casting import Intersector
 from .settings import BakeSettings
 from .traced_scene import TracedScene, prepare_scene
+
+
+@dataclass(frozen=True)
+class Held:
+    """What a bake derives from the scene as a whole, held fixed while parts of the scene change.
+
+    Attributes
+    ----------
+    normalisation : Normalisation
+    d_max : float
+        Reach of the rays in metres.
+    rays : ndarray, (p,) int, or None
+        Rays of each patch; None for those that the settings say.
+    """
+
+    normalisation: Normalisation
+    d_max: float
+    rays: np.ndarray | None = None
 
 
 def scene_diagonal(surfaces: Surfaces) -> float:
@@ -28,6 +47,7 @@ def build_scene(
     monitor: Monitor | None = None,
     intersector: Callable[..., Intersector] = EmbreeIntersector,
     whole: bool = False,
+    held: Held | None = None,
 ) -> tuple[TracedScene, Normalisation, float]:
     """Keep what rays can reach and float32 can trace, and build the ray tracer over it.
 
@@ -41,8 +61,9 @@ def build_scene(
         Metres.
     """
     monitor = monitor or Monitor()
-    normalisation = Normalisation.of(patches.corners)
-    d_max = settings.max_distance(scene_diagonal(surfaces))
+    if held is None:
+        held = Held(Normalisation.of(patches.corners), settings.max_distance(scene_diagonal(surfaces)))
+    normalisation, d_max = held.normalisation, held.d_max
     kept = np.arange(len(surfaces.triangles)) if whole else _triangles_in_reach(surfaces, patches, d_max)
     vertices = normalisation.apply(surfaces.vertices)
     kept = kept[usable_triangles(vertices, surfaces.triangles[kept])]
@@ -73,6 +94,13 @@ def _triangles_in_reach(surfaces: Surfaces, patches: Patches, d_max: float) -> n
         used = surfaces.triangles[first:end]
         if not len(used):
             continue
-        object_low, object_high = bounding_box(surfaces.vertices[used.min() : used.max() + 1])
-        in_reach[first:end] = (object_low <= high + d_max).all() and (object_high >= low - d_max).all()
+        box = bounding_box(surfaces.vertices[used.min() : used.max() + 1])
+        in_reach[first:end] = boxes_in_reach(box, (low, high), d_max)
     return np.flatnonzero(in_reach)
+
+
+def boxes_in_reach(
+    boxes: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray], d_max: float
+) -> np.ndarray:
+    """Which boxes, lowest and highest corners (..., 3), come within d_max of the other box along every axis."""
+    return ((boxes[0] <= other[1] + d_max) & (boxes[1] >= other[0] - d_max)).all(-1)

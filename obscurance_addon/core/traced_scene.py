@@ -74,12 +74,12 @@ def prepare_scene(
         Reach of the rays in metres, above 0, may be infinite.
     """
     palette = None
-    if settings.use_bleeding and settings.falloff is not Falloff.STEP:  # a STEP hit adds nothing, whatever its colour
+    if needs_palette(settings):
         palette = np.zeros((len(surfaces.triangles) + 1, 4), np.float32)
         palette[1:, :3] = surfaces.reflectance
         palette[1:, 3] = 1.0
     solid = np.concatenate([[False], surfaces.solid]) if surfaces.solid.any() else None
-    limit = np.float32(np.clip(d_max / normalisation.scale, NEAR, FAR))
+    limit, scale = limit_and_scale(d_max, normalisation)
     return TracedScene(
         prepare_cells(patches, normalisation, settings.thread_count()),
         surfaces,
@@ -87,6 +87,17 @@ def prepare_scene(
         palette,
         solid,
         limit,
-        np.float32(0.0) if limit == FAR else np.float32(1.0) / limit,
+        scale,
         settings.falloff,
     )
+
+
+def needs_palette(settings: BakeSettings) -> bool:
+    """Whether the colour of a hit counts: a STEP hit adds nothing, whatever its colour."""
+    return settings.use_bleeding and settings.falloff is not Falloff.STEP
+
+
+def limit_and_scale(d_max: float, normalisation: Normalisation) -> tuple[np.float32, np.float32]:
+    """`TracedScene.limit` and `TracedScene.scale` for a reach of d_max metres."""
+    limit = np.float32(np.clip(d_max / normalisation.scale, NEAR, FAR))
+    return limit, np.float32(0.0) if limit == FAR else np.float32(1.0) / limit

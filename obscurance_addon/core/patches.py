@@ -275,7 +275,7 @@ def prepare_cells(patches: Patches, normalisation: Normalisation, threads: int) 
         return usable, frame, offset.astype(np.float32), 0.5 * double_area
 
     with ThreadPoolExecutor(threads) as pool:
-        parts = pool.map(prepare, slices(len(patches.corners)))
+        parts = pool.map(prepare, slices(max(len(patches.corners), 1)))
         kept, frames, offset, cell_area = map(np.concatenate, zip(*parts, strict=True))
     patch = np.asarray(patches.patch, np.int64)[kept]
     area = np.bincount(patch, cell_area, len(patches))

@@ -1,0 +1,184 @@
+"""The caster of updates: what stands still answers from a cache, what moves is traced."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from .first_hits import meet_doubled_faces, pass_doubled_faces, starts_inside
+from .hit_cache import NEVER, NO_SLOT, HitCache, KeptHits
+from .layers import Layer, nothing
+from .obscurance import Caster, Progress
+from .patch_samples import TABLE_ROWS
+from .ray_casting import MISS, Hits
+from .settings import BakeSettings
+from .traced_scene import TracedScene
+
+
+class _Mode(enum.Enum):
+    """Where the answers to the rays of a block come from."""
+
+    CACHED = enum.auto()  # what stands still is known
+    TO_KEEP = enum.auto()  # it is traced first, and kept
+    IN_FULL = enum.auto()
+    UNBOUNDED = enum.auto()  # in full, without limit
+
+
+@dataclass(frozen=True)
+class MovingLayer:
+    """Triangles that are traced in every update.
+
+    Attributes
+    ----------
+    layer : Layer
+    is_near : ndarray, (p,) bool
+        Patches whose rays, as far as d_max, can reach it.
+    """
+
+    layer: Layer
+    is_near: np.ndarray
+
+
+class LayeredCaster(Caster):
+    """A `Caster` that keeps what rays meet among what stands still, and traces only what moves where that is known.
+
+    Parameters
+    ----------
+    scene : TracedScene
+        Its intersector is over all layers.
+    ids : ndarray, (p,) uint32
+    settings : BakeSettings
+    rays : ndarray, (p,) int
+        Rays of each patch.
+    static : Layer or None
+        What stands still; None for nothing.
+    moving : list of MovingLayer
+        Everything else.
+    cache : HitCache
+    slots : ndarray, (c,) int64
+        Slot of each cell in the cache, NO_SLOT or NEVER. Filled in where hits are kept.
+    may_keep : ndarray, (c,) bool
+        Cells whose hits may be kept.
+
+    Attributes
+    ----------
+    cached : int
+        Rays whose hit among what stands still was known.
+    probes : ndarray, (p,) int64
+        Triangle that the unlimited ray of each patch met that was asked for one; else MISS.
+    farthest : ndarray, (p,) float64
+        Distance of the farthest hit of each patch whose rays were cast without limit; else 0.
+    """
+
+    def __init__(
+        self,
+        scene: TracedScene,
+        ids: np.ndarray,
+        settings: BakeSettings,
+        rays: np.ndarray,
+        progress: Progress,
+        static: Layer | None,
+        moving: list[MovingLayer],
+        cache: HitCache,
+        slots: np.ndarray,
+        may_keep: np.ndarray,
+    ) -> None:
+        super().__init__(scene, ids, settings, progress=progress, rays=rays)
+        self.cached = 0
+        self.probes = np.full(len(ids), MISS, np.int64)
+        self.farthest = np.zeros(len(ids))
+        self._static, self._moving, self._cache, self.slots = static, moving, cache, slots
+        self._may_keep = may_keep
+        self._far_of_cell = np.zeros(len(scene.cells.patch))
+        self._mode = _Mode.IN_FULL
+
+    def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
+        if unbounded:
+            self._mode = _Mode.UNBOUNDED
+            super().cast(cells, unbounded)
+            np.maximum.at(self.farthest, self.scene.cells.patch, self._far_of_cell)
+            return
+        count = self.samples.count
+        known = self.slots[cells] >= 0
+        to_keep = self._may_keep[cells] & (self.slots[cells] == NO_SLOT) & self.in_one_pass()[cells]
+        keep = cells[to_keep]
+        self.slots[keep] = self._cache.reserve(count[keep])
+        to_keep[to_keep] = self.slots[keep] != NO_SLOT
+        self.cached += int(count[cells[known]].sum())
+        for mode, group in ((_Mode.CACHED, known), (_Mode.TO_KEEP, to_keep), (_Mode.IN_FULL, ~known & ~to_keep)):
+            self._mode = mode
+            super().cast(cells[group])
+        doubled = keep[self.slots[keep] == NEVER]
+        self._cache.waste(int(count[doubled].sum()))
+
+    def in_one_pass(self) -> np.ndarray:
+        """(c,) bool: cells whose rays are all handed out at once, so that their number tells which they are."""
+        start, count = self.samples.start, self.samples.count
+        return start // TABLE_ROWS == (start + count - 1) // TABLE_ROWS
+
+    def probe(self, cells: np.ndarray) -> tuple[np.ndarray, Hits]:
+        directions, hits = super().probe(cells)
+        self.probes[self.scene.cells.patch[cells]] = hits.triangle
+        return directions, hits
+
+    def blocked(self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
+        if self._mode is _Mode.IN_FULL:
+            return super().blocked(cells, origins, directions, limits)
+        if self._mode is _Mode.CACHED:
+            blocked = self._cache.read(self.slots[cells], len(origins) // len(cells)).triangle >= 0
+        else:
+            blocked = np.zeros(len(origins), bool)
+            if self._static is not None:
+                blocked = self._static.intersector.occluded(origins, directions, limits.copy())
+            kept = KeptHits(limits, np.where(blocked, 0, MISS).astype(np.int32), np.zeros(len(origins), bool))
+            self._cache.write(self.slots[cells], kept)
+        for layer in self._layers_near(cells):
+            free = np.flatnonzero(~blocked)
+            blocked[free] = layer.intersector.occluded(origins[free], directions[free], limits[free])
+        return blocked
+
+    def first_hits(
+        self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray, limit: np.float32
+    ) -> tuple[Hits, np.ndarray | None]:
+        n = len(origins) // len(cells)
+        if self._mode in (_Mode.IN_FULL, _Mode.UNBOUNDED):
+            hits, dropped = super().first_hits(cells, origins, directions, limits, limit)
+            if self._mode is _Mode.UNBOUNDED:
+                far = np.where(hits.triangle >= 0, hits.distance, np.float32(0.0)).reshape(-1, n).max(1)
+                self._far_of_cell[cells] = np.maximum(self._far_of_cell[cells], far)
+            return hits, dropped
+        if self._mode is _Mode.CACHED:
+            kept = self._cache.read(self.slots[cells], n)
+            hits = Hits(kept.distance, kept.triangle, np.zeros((len(origins), 3), np.float32))
+            inside = np.flatnonzero(kept.inside)
+        else:
+            hits = self._keep(cells, origins, directions, limits)
+            inside = np.zeros(0, np.intp)  # their normals tell
+        for layer in self._layers_near(cells):
+            hits = layer.nearer(origins, directions, hits)
+        # Normals of hits from the cache are 0: no face doubles those, and cells that see doubled faces are not kept.
+        pass_doubled_faces(self.scene, cells, n, origins, directions, limit, hits)
+        if self.scene.solid is None:
+            return hits, None
+        dropped = starts_inside(self.scene, directions, hits)
+        dropped[inside] |= ~hits.normal[inside].any(1)
+        return hits, dropped
+
+    def _keep(self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> Hits:
+        """First hits among what stands still, which the cache keeps from now on."""
+        hits = nothing(limits)
+        if self._static is not None:
+            hits = self._static.nearer(origins, directions, hits)
+        inside = np.zeros(len(origins), bool)
+        if self.scene.solid is not None:
+            inside = starts_inside(self.scene, directions, hits)
+        self._cache.write(self.slots[cells], KeptHits(hits.distance, hits.triangle, inside))
+        n = len(origins) // len(cells)
+        self.slots[cells[meet_doubled_faces(self.scene, cells, n, hits) // n]] = NEVER
+        return hits
+
+    def _layers_near(self, cells: np.ndarray) -> list[Layer]:
+        patch = self.scene.cells.patch[cells]
+        return [moving.layer for moving in self._moving if moving.is_near[patch].any()]

@@ -1,0 +1,100 @@
+"""Objects of a scene that may change one by one, and the scene that they make together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .patches import Patches, Surfaces
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """What rays can hit of one object, and the patches on it.
+
+    Attributes
+    ----------
+    surfaces : Surfaces
+        With vertices of its own.
+    patches : Patches
+        May be none.
+    reflectance : ndarray, (p, 3) float
+        Mean reflectance of each patch.
+    neighbours : tuple of two ndarray (m,) int, or None
+        Pairs (patch, node) as `bake_obscurances` takes them.
+    """
+
+    surfaces: Surfaces
+    patches: Patches
+    reflectance: np.ndarray
+    neighbours: tuple[np.ndarray, np.ndarray] | None = None
+
+    def has_shape_of(self, other: SceneObject) -> bool:
+        """Whether the two differ in nothing but colours."""
+        mine, others = (
+            (s.vertices, s.triangles, s.solid, p.corners, p.patch, p.ids, *(neighbours or ()))
+            for s, p, neighbours in ((o.surfaces, o.patches, o.neighbours) for o in (self, other))
+        )
+        return len(mine) == len(others) and all(map(np.array_equal, mine, others))
+
+    def has_colours_of(self, other: SceneObject) -> bool:
+        """Whether every triangle and every patch of the two reflects alike."""
+        return np.array_equal(self.surfaces.reflectance, other.surfaces.reflectance) and np.array_equal(
+            self.reflectance, other.reflectance
+        )
+
+
+@dataclass(frozen=True)
+class JoinedObjects:
+    """Arguments of `bake_obscurances` for several objects: their patches and triangles in order.
+
+    Attributes
+    ----------
+    surfaces : Surfaces
+    patches : Patches
+    patch_reflectance : ndarray, (p, 3) float64
+    neighbours : tuple of two ndarray (m,) int, or None
+        Nodes of different objects stay apart.
+    """
+
+    surfaces: Surfaces
+    patches: Patches
+    patch_reflectance: np.ndarray
+    neighbours: tuple[np.ndarray, np.ndarray] | None
+
+
+def join_objects(objects: Iterable[SceneObject]) -> JoinedObjects:
+    """The scene that objects make, each of them an object of `Surfaces.object_starts`."""
+    objects = list(objects)
+    surfaces, patches = [o.surfaces for o in objects], [o.patches for o in objects]
+    vertex = _starts(len(s.vertices) for s in surfaces)
+    patch = _starts(map(len, patches))
+    node = _starts(0 if o.neighbours is None else int(o.neighbours[1].max(initial=-1)) + 1 for o in objects)
+    neighbours = [
+        (o.neighbours[0] + patch[i], o.neighbours[1] + node[i]) for i, o in enumerate(objects) if o.neighbours
+    ]
+    return JoinedObjects(
+        Surfaces(
+            np.concatenate([np.zeros((0, 3)), *(s.vertices for s in surfaces)]),
+            np.concatenate(
+                [np.zeros((0, 3), np.int32), *(s.triangles + np.int32(vertex[i]) for i, s in enumerate(surfaces))]
+            ),
+            np.concatenate([np.zeros((0, 3), np.float32), *(s.reflectance for s in surfaces)]),
+            np.concatenate([np.zeros(0, bool), *(s.solid for s in surfaces)]),
+            _starts(len(s.triangles) for s in surfaces)[:-1],
+        ),
+        Patches(
+            np.concatenate([np.zeros((0, 3, 3)), *(p.corners for p in patches)]),
+            np.concatenate([np.zeros(0, np.int64), *(p.patch + patch[i] for i, p in enumerate(patches))]),
+            np.concatenate([np.zeros(0, np.uint32), *(p.ids for p in patches)]),
+        ),
+        np.concatenate([np.zeros((0, 3)), *(o.reflectance for o in objects)]),
+        tuple(map(np.concatenate, zip(*neighbours, strict=True))) if neighbours else None,
+    )
+
+
+def _starts(counts: Iterable[int]) -> np.ndarray:
+    """Where each of several consecutive parts starts, and the end of the last, (k + 1,) int64."""
+    return np.cumsum([0, *counts], dtype=np.int64)

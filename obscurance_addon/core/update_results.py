@@ -1,0 +1,51 @@
+"""What an incremental bake tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Update:
+    """What an update did.
+
+    Attributes
+    ----------
+    keys : frozenset
+        Objects with new values.
+    patches : int
+        Patches that were baked again.
+    rays : int
+        Rays of these, repeated ones included.
+    cached : int
+        Those among them whose hit among what stands still was known: they were traced against movers alone.
+    cache_is_full : bool
+        Hits were not kept for want of room, so that later updates trace more.
+    reason : str or None
+        Why everything was baked anew, where it was.
+    """
+
+    keys: frozenset
+    patches: int
+    rays: int
+    cached: int
+    cache_is_full: bool
+    reason: str | None = None
+
+
+@dataclass(frozen=True)
+class ObjectValues:
+    """Obscurances of the patches of one object, as of `Obscurances`.
+
+    Attributes
+    ----------
+    coloured : ndarray, (p, 3) float64
+    grey : ndarray, (p,) float64
+    valid : ndarray, (p,) bool
+    """
+
+    coloured: np.ndarray
+    grey: np.ndarray
+    valid: np.ndarray

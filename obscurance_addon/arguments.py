@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 
-from .blender.output_settings import ImageFormat, OutputSettings
+from .blender.output_settings import ImageFormat, OutputSettings, Target
 from .core.errors import SettingsError
 from .core.falloff import Falloff
 from .core.light_settings import Ambient, LightSettings, Quantity
@@ -64,6 +65,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     bake.add_argument("--seed", type=int, metavar="N")
     bake.add_argument("--threads", type=int, metavar="N", help="0 for all processors")
     _add_lightmap(bake.add_argument_group("with target LIGHTMAP"))
+    _add_frames(bake.add_argument_group("animation"))
     bake.add_argument("--report", type=Path, metavar="FILE.json", help="write what was done as JSON")
     bake.add_argument("--quiet", action="store_true", help="print errors only")
     options = parser.parse_args(arguments)
@@ -77,6 +79,12 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         bake.error("--report names a .blend that is read or written: give the report a name of its own")
     if options.image_path and len(set(images(options))) < len(options.scenes):
         bake.error("--image would be written by several scenes: start it with // and have each in a folder of its own")
+    if options.frames is None and (options.frame_cache or options.export):
+        bake.error("--frame-cache and --export are of animations: give --frames too")
+    if options.frames is not None and options.target == Target.LIGHTMAP:
+        bake.error("--frames bakes attributes: give another --target than LIGHTMAP")
+    if len(options.scenes) > 1 and (options.frame_cache or options.export):
+        bake.error("--frame-cache and --export take one scene")
     try:
         BakeSettings(**estimator_changes(options))
         LightSettings(**light_changes(options))
@@ -103,6 +111,37 @@ def _add_lightmap(group: argparse._ArgumentGroup) -> None:
         "--image", dest="image_path", metavar="PATH", help="file of the lightmap, // being the scene's folder"
     )
     group.add_argument("--image-format", choices=[kind.value for kind in ImageFormat])
+
+
+def _add_frames(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--frames", type=_frames, metavar="FIRST-LAST", help="bake every frame of a range into a frame cache"
+    )
+    group.add_argument(
+        "--frame-cache",
+        type=Path,
+        metavar="DIR",
+        help="folder of the frame cache (default: beside the output, its name and _frames)",
+    )
+    group.add_argument(
+        "--export", type=Path, metavar="FILE.usdc|FILE.abc", help="write the animation with its colors as well"
+    )
+
+
+def frame_cache(options: argparse.Namespace, output: Path) -> Path:
+    """The folder of the frame cache of a scene whose file is `output`."""
+    return options.frame_cache or output.with_name(f"{output.stem}_frames")
+
+
+def _frames(text: str) -> tuple[int, int]:
+    """First and last frame."""
+    found = re.fullmatch(r"(-?\d+)-(-?\d+)", text) or re.fullmatch(r"(-?\d+)()", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"'{text}' is no range of frames: write it as 1-250")
+    first, last = int(found[1]), int(found[2] or found[1])
+    if last < first:
+        raise argparse.ArgumentTypeError(f"the frames {text} end before they begin: write the first one first")
+    return first, last
 
 
 def images(options: argparse.Namespace) -> list[Path]:

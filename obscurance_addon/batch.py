@@ -19,9 +19,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .arguments import estimator_changes, light_changes, lightmap_changes, output_changes, outputs, parse
+from .arguments import (
+    estimator_changes,
+    frame_cache,
+    light_changes,
+    lightmap_changes,
+    output_changes,
+    outputs,
+    parse,
+)
+from .blender.output_settings import OutputSettings
 from .core.errors import ObscuranceError
+from .core.light_settings import LightSettings
 from .core.lightmap_settings import LightmapSettings
+from .core.settings import BakeSettings
+from .terminal import Terminal, blender_silent, complain
 from .version import version
 
 DONE, FAILED = 0, 1
@@ -43,7 +55,7 @@ def main(arguments: list[str]) -> int:
     options = parse(arguments)
     began = time.perf_counter()
     if options.report and (problem := _cannot_write(options.report)):
-        _complain(f"{options.report}: {problem}")
+        complain(f"{options.report}: {problem}")
         return FAILED
     files = [_bake_file(scene, output, options) for scene, output in zip(options.scenes, outputs(options), strict=True)]
     failed = sum("error" in entry for entry in files)
@@ -59,77 +71,104 @@ def main(arguments: list[str]) -> int:
             with _written_whole(options.report) as part:
                 part.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
         except OSError as error:
-            _complain(f"{options.report}: the report could not be written ({error.strerror})")
+            complain(f"{options.report}: the report could not be written ({error.strerror})")
             return FAILED
     return FAILED if failed else DONE
 
 
 def _bake_file(scene: Path, output: Path, options: argparse.Namespace) -> dict:
     """Bake one file; never raises, so that the others are baked too. Returns its entry of the report."""
-    say = _Terminal(scene, options.quiet)
+    say = Terminal(scene, options.quiet)
     try:
         entry = _open_bake_save(scene, output, options, say)
     except Exception as error:
         say.end()
         if not isinstance(error, (ObscuranceError, OSError, RuntimeError, MemoryError)):
             traceback.print_exc()  # a bug, which the message alone would not let anybody find
-        _complain(f"{scene}: {_plain(error)}")
+        complain(f"{scene}: {_plain(error)}")
         return {"scene": str(scene), "error": _plain(error)}
     for warning in entry["warnings"]:
         say.line(f"{scene}: note: {warning}")
     return entry
 
 
-def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say: _Terminal) -> dict:
+@dataclasses.dataclass(frozen=True)
+class _Asked:
+    """What an opened scene and the options together ask for."""
+
+    settings: BakeSettings
+    output: OutputSettings
+    light: LightSettings
+    lightmap: LightmapSettings
+
+    @classmethod
+    def of(cls, scene, options: argparse.Namespace) -> _Asked:
+        group, changes = scene.obscurance, estimator_changes(options)
+        if changes.get("distance") is not None:  # the options are in metres, the scene in its own units
+            changes["distance"] /= scene.unit_settings.scale_length
+        return cls(
+            group.to_settings(**changes),
+            group.to_output(**output_changes(options)),
+            group.to_light(**light_changes(options)),
+            group.to_lightmap(**lightmap_changes(options)),
+        )
+
+    def described(self) -> dict:
+        """All settings by name."""
+        parts = (self.settings, self.output, self.light)
+        values = {name: value for part in parts for name, value in dataclasses.asdict(part).items()}
+        return values | _lightmap_settings(self.lightmap)
+
+
+def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say: Terminal) -> dict:
     import bpy
 
-    from .blender.bake_job import BakeJob
     from .blender.object_mode import ObjectModeGuard
 
     began = time.perf_counter()
     if not scene.is_file():
         raise ObscuranceError("this is a folder: name a .blend" if scene.is_dir() else "no such file: check the path")
-    if problem := _cannot_write(output):
-        raise ObscuranceError(problem)
-    with _blender_silent():
+    for path in filter(None, (output, options.export)):
+        if problem := _cannot_write(path):
+            raise ObscuranceError(problem)
+    with blender_silent():
         bpy.ops.wm.open_mainfile(filepath=str(scene.resolve()), load_ui=False)
     loaded = time.perf_counter()
     context = bpy.context
-    group = context.scene.obscurance
-    changes = estimator_changes(options)
-    if changes.get("distance") is not None:  # the options are in metres, the scene in its own units
-        changes["distance"] /= context.scene.unit_settings.scale_length
-    settings, target = group.to_settings(**changes), group.to_output(**output_changes(options))
-    light = group.to_light(**light_changes(options))
-    lightmap = group.to_lightmap(**lightmap_changes(options))
+    asked = _Asked.of(context.scene, options)
     guard = ObjectModeGuard(context)
-    objects = _objects(context, options.objects)
-    report = BakeJob(context, objects, settings, target, light, lightmap).run(on_step=say.progress)
+    objects = _objects(context, options)
+    bake = _bake_once if options.frames is None else _bake_frames
+    entry, summary = bake(context, objects, asked, output, options, say)
     guard.restore(context)
     baked = time.perf_counter()
     with _written_whole(output) as part:
         with scene.open("rb") as source:
             compress = source.read(7) != b"BLENDER"
-        with _blender_silent():
+        with blender_silent():
             bpy.ops.wm.save_as_mainfile(filepath=str(part), copy=True, compress=compress, check_existing=False)
+    entry["seconds"] = {"load": loaded - began, **entry["seconds"], "save": time.perf_counter() - baked}
     say.end()
-    say.line(f"{scene} -> {output}: {report.summary()}")
+    say.line(f"{scene} -> {output}: {summary}")
+    return {"scene": str(scene), "output": str(output), **entry, "peak_memory_bytes": _peak_memory()}
+
+
+def _bake_once(
+    context, objects: list, asked: _Asked, _output: Path, _options: argparse.Namespace, say: Terminal
+) -> tuple[dict, str]:
+    """Bake the scene as it is; the entry of the report, and a line for the terminal."""
+    from .blender.bake_job import BakeJob
+
+    job = BakeJob(context, objects, asked.settings, asked.output, asked.light, asked.lightmap)
+    report = job.run(on_step=say.progress)
     traced = report.seconds["trace"] + report.seconds.get("light", 0.0)
     return {
-        "scene": str(scene),
-        "output": str(output),
-        "settings": {
-            **dataclasses.asdict(settings),
-            **dataclasses.asdict(target),
-            **dataclasses.asdict(light),
-            **_lightmap_settings(lightmap),
-            "distance": _finite(report.d_max),
-        },
+        "settings": asked.described() | {"distance": _finite(report.d_max)},
         "objects": report.objects,
         "patches": report.patches,
         "triangles": report.triangles,
         "rays": report.rays,
-        "seconds": {"load": loaded - began, **report.seconds, "save": time.perf_counter() - baked},
+        "seconds": report.seconds,
         "mrays_per_second": report.rays / traced / 1e6 if traced else 0.0,
         "r_ave": report.r_ave,
         "rmse": report.rmse,
@@ -138,9 +177,60 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
         "reflectors": report.reflectors,
         "reflected_share": report.reflected_share,
         "lightmap": report.lightmap and dataclasses.asdict(report.lightmap),
-        "peak_memory_bytes": _peak_memory(),
         "warnings": report.warnings,
-    }
+    }, report.summary()
+
+
+def _bake_frames(
+    context, objects: list, asked: _Asked, output: Path, options: argparse.Namespace, say: Terminal
+) -> tuple[dict, str]:
+    """Bake a range of frames; results as for `_bake_once`."""
+    from .blender.animated_export import check_format, export_animation
+    from .blender.frame_cache import FrameCache
+    from .blender.frame_range import FrameRange, bake_frames, play_back
+
+    folder = frame_cache(options, output).resolve()
+    if options.export is not None:
+        check_format(options.export)
+    frames, began, told = FrameRange(*options.frames, folder), time.perf_counter(), []
+
+    def tell(frame: int, report) -> None:
+        told.append(
+            {
+                "frame": frame,
+                "patches": report.patches,
+                "rays": report.rays,
+                "cached_rays": report.cached_rays,
+                "milliseconds": 1e3 * report.seconds,
+                "full_bake": report.full,
+            }
+        )
+        say.frame(frame, report)
+
+    settings = asked.described() | {"distance": asked.settings.distance and _finite(asked.settings.distance)}
+    ceiling = context.scene.obscurance.preview_memory << 20
+    warnings = bake_frames(context, objects, asked.settings, asked.output, asked.light, frames, ceiling, settings, tell)
+    cache = FrameCache.open(folder)
+    baked = time.perf_counter()
+    if options.export is not None:
+        with _written_whole(options.export) as part, blender_silent():
+            export_animation(context, cache, part)
+    exported = time.perf_counter()
+    play_back(context.scene, cache, output.resolve().parent)
+    rays = sum(one["rays"] for one in told)
+    return {
+        "settings": settings,
+        "objects": cache.names,
+        "frame_cache": str(folder),
+        "export": options.export and str(options.export),
+        "frames": told,
+        "rays": rays,
+        "seconds": {"frames": baked - began, "export": exported - baked},
+        "warnings": warnings,
+    }, (
+        f"Baked {len(frames)} frames of {len(cache.names)} objects with {rays:,} rays in {baked - began:.2f} s into "
+        f"'{folder}'"
+    )
 
 
 def _lightmap_settings(lightmap: LightmapSettings) -> dict:
@@ -154,12 +244,14 @@ def _finite(distance: float) -> float | str:
     return distance if math.isfinite(distance) else "inf"
 
 
-def _objects(context, names: list[str] | None) -> list:
-    """The objects named, or all that render."""
+def _objects(context, options: argparse.Namespace) -> list:
+    """The objects named, or all that render; over a range of frames, also those that may render later."""
+    from .blender.frame_update import objects_over_time
     from .blender.render_visibility import rendered_meshes
 
+    names = options.objects
     if names is None:
-        return rendered_meshes(context)
+        return rendered_meshes(context) if options.frames is None else objects_over_time(context)
     missing = [name for name in names if name not in context.view_layer.objects]
     if missing:
         raise ObscuranceError(f"the view layer has no object named {', '.join(map(repr, missing))}: check --objects")
@@ -191,52 +283,6 @@ def _cannot_write(path: Path) -> str | None:
     if not os.access(path.resolve().parent, os.W_OK):
         return f"the folder '{path.parent}' cannot be written to: change its permissions or choose another"
     return None
-
-
-@contextmanager
-def _blender_silent() -> Iterator[None]:
-    """Keep Blender's own chatter about files off the terminal; errors come back as exceptions anyway."""
-    sys.stdout.flush()
-    kept = os.dup(1)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 1)
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nowhere)
-
-
-class _Terminal:
-    """Progress and messages of one file: one line that renews itself on a terminal, few lines in a log."""
-
-    _LOG_EVERY_S = 5.0
-
-    def __init__(self, scene: Path, quiet: bool) -> None:
-        self._scene, self._quiet = scene, quiet
-        self._renews = sys.stdout.isatty()
-        self._last = time.perf_counter()
-
-    def progress(self, job) -> None:
-        if self._quiet or (not self._renews and time.perf_counter() - self._last < self._LOG_EVERY_S):
-            return
-        self._last = time.perf_counter()
-        left = "" if job.remaining is None else f", {job.remaining:.0f} s left"
-        text = f"{self._scene}: {job.progress:.0%}{left}"
-        print(f"\r\x1b[K{text}" if self._renews else text, end="" if self._renews else "\n", flush=True)
-
-    def end(self) -> None:
-        if self._renews and not self._quiet:
-            print("\r\x1b[K", end="", flush=True)
-
-    def line(self, text: str) -> None:
-        if not self._quiet:
-            print(text, flush=True)
-
-
-def _complain(text: str) -> None:
-    print(f"obscurance: error: {text}", file=sys.stderr, flush=True)
 
 
 def _plain(error: Exception) -> str:

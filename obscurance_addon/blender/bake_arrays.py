@@ -81,7 +81,7 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
     for ob in objects:
         key = (id(ob.mesh), id(ob.surface), *map(id, ob.shadings))
         if key not in shaded:
-            shaded[key] = _shade(ob)
+            shaded[key] = shade(ob)
         worlds.append(WorldObject.of(ob, shaded[key]))
     parts = [baked_part(baked, world, target) for baked, world in zip(snapshot.baked, worlds, strict=False)]
     for ob, world in zip(objects, worlds, strict=True):
@@ -121,7 +121,7 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
     )
 
 
-def _shade(ob: ObjectSnapshot) -> tuple[np.ndarray, np.ndarray]:
+def shade(ob: ObjectSnapshot) -> tuple[np.ndarray, np.ndarray]:
     """Reflectance and emission (f, 3) of the faces."""
     return shade_faces(ob.shadings, material_slots(ob), ob.surface)
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
@@ -36,6 +37,12 @@ from .stored_preferences import cache_ceiling_bytes
 _NAMES_IN_ERRORS = 8
 
 TRACERS = IntersectorCache()  # while a user tries settings, the geometry stays
+_OPEN: weakref.WeakSet[BakeJob] = weakref.WeakSet()  # jobs that still may write
+
+
+def is_baking() -> bool:
+    """Whether a bake is under way, so that nothing else should write values."""
+    return any(job.is_open for job in _OPEN)
 
 
 class BakeJob:
@@ -76,8 +83,8 @@ class BakeJob:
         if light.quantity is Quantity.RADIOSITY and output.target not in {Target.FACE, Target.LIGHTMAP}:
             raise SettingsError("radiosity is computed for whole faces: use target FACE, or bake COMBINED")
         self._warnings: list[str] = []
-        writable = _writable(objects, self._warnings)
-        _check_destination(writable, output, lightmap)
+        writable = writable_objects(objects, self._warnings)
+        check_destination(writable, output, lightmap)
         self._snapshot = snapshot = snapshot_scene(
             context,
             writable,
@@ -96,6 +103,8 @@ class BakeJob:
         self._monitor = JobMonitor(light.quantity, to_lightmap)
         TRACERS.ceiling_bytes = cache_ceiling_bytes()
         self._done = False
+        self.is_open = True
+        _OPEN.add(self)
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._compute, name="obscurance-bake", daemon=True)
         self._thread.start()
@@ -123,6 +132,7 @@ class BakeJob:
         if self._thread.is_alive():
             return False
         if self._error is not None:
+            self.is_open = False
             raise self._error
         return True
 
@@ -149,6 +159,7 @@ class BakeJob:
 
     def cancel(self, wait: bool = True) -> None:
         """Stop computing; nothing has been written. Waits for the threads to end, unless told not to."""
+        self.is_open = False
         self._monitor.cancelled.set()
         if wait:
             self._thread.join()
@@ -163,7 +174,10 @@ class BakeJob:
         AttributeNameError
             When an attribute cannot be made.
         """
-        report = self._bake.write()
+        try:
+            report = self._bake.write()
+        finally:
+            self.is_open = False
         return replace(
             report,
             seconds={**report.seconds, "extract": report.seconds["extract"] + self._extract_seconds},
@@ -172,7 +186,7 @@ class BakeJob:
         )
 
 
-def _check_destination(
+def check_destination(
     objects: list[bpy.types.Object], output: OutputSettings, lightmap: LightmapSettings | None
 ) -> None:
     """Make sure, as far as one can tell before, that the result can be written; raises ObscuranceError."""
@@ -186,7 +200,7 @@ def _check_destination(
         check_path(output.image_path, output.image_format)
 
 
-def _writable(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[bpy.types.Object]:
+def writable_objects(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[bpy.types.Object]:
     """Mesh objects whose mesh can be written; the others are named in a warning."""
     objects = list(objects)
     others = [ob.name for ob in objects if ob.type != "MESH"]

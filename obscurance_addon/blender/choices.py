@@ -6,6 +6,7 @@ from ..core.falloff import Falloff
 from ..core.light_settings import Ambient, Quantity
 from ..core.lightmap_settings import UvMode
 from ..core.settings import Sampler
+from ..core.update_mode import UpdateMode
 from .output_settings import ImageFormat, Scale, SharedMeshes, Target
 
 
@@ -80,4 +81,8 @@ SAMPLERS = _items(
 DISTANCE_MODES = _items(
     ("AUTO", "Automatic", "Rays reach a fifth of the diagonal of the scene's bounding box"),
     ("METRES", "Metres", "Rays reach the distance given below"),
+)
+UPDATE_MODES = _items(
+    (UpdateMode.EXACT, "Exactly", "All faces that what moves can reach, so that the result is that of a full bake"),
+    (UpdateMode.LIST, "2003 List", "Faces on the list of the published method, which misses some, as a comparison"),
 )

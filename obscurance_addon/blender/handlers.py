@@ -1,4 +1,4 @@
-"""What happens when a file is opened or a new one begun; registering twice is harmless."""
+"""What happens when a file is opened, a frame set, or something edited; registering twice is harmless."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from .bake_job import TRACERS
+from .live_preview import PREVIEW
 from .stored_preferences import stored_preferences
 from .viewport_shading import forget_views
 
@@ -15,6 +16,8 @@ def on_load(_path: str, _unused: object = None) -> None:
     """Forget what belonged to the other file; a new file starts with the user's defaults."""
     TRACERS.clear()
     forget_views()
+    PREVIEW.stop()
+    PREVIEW.on_change(bpy.context.scene, None)
     preferences = stored_preferences()
     if preferences is None or bpy.data.filepath:
         return
@@ -23,15 +26,48 @@ def on_load(_path: str, _unused: object = None) -> None:
             scene.obscurance.assign(preferences.defaults.changed())
 
 
+@persistent
+def on_frame(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """A frame was set: by playback, scrubbing, a script or a render."""
+    PREVIEW.on_frame(scene, depsgraph)
+
+
+@persistent
+def on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Something was evaluated anew."""
+    PREVIEW.on_change(scene, depsgraph)
+
+
+@persistent
+def on_undo(scene: bpy.types.Scene, _unused: object = None) -> None:
+    """All data may be other than it was, values that were written included."""
+    PREVIEW.distrust()
+    PREVIEW.on_change(scene, None)
+
+
+_LISTS = (
+    ("load_post", on_load),
+    ("frame_change_post", on_frame),
+    ("depsgraph_update_post", on_change),
+    ("undo_post", on_undo),
+    ("redo_post", on_undo),
+)
+
+
 def register() -> None:
-    """Listen to files being opened."""
-    if on_load not in bpy.app.handlers.load_post:
-        bpy.app.handlers.load_post.append(on_load)
+    """Listen to Blender."""
+    for name, handler in _LISTS:
+        handlers = getattr(bpy.app.handlers, name)
+        if handler not in handlers:
+            handlers.append(handler)
 
 
 def unregister() -> None:
     """Undo `register`, and let go of memory."""
-    if on_load in bpy.app.handlers.load_post:
-        bpy.app.handlers.load_post.remove(on_load)
+    for name, handler in _LISTS:
+        handlers = getattr(bpy.app.handlers, name)
+        if handler in handlers:
+            handlers.remove(handler)
     TRACERS.clear()
     forget_views()
+    PREVIEW.stop()

@@ -20,6 +20,7 @@ from ..core.lightmap_settings import (
 from ..core.settings import MAX_RAYS_PER_PATCH, MAX_THREADS, BakeSettings
 from . import choices
 from .output_settings import MAX_EXPOSURE, OutputSettings
+from .preview_properties import PreviewProperties
 from .stored_preferences import preferred_threads
 
 # What may change over time without a surprise. Where results go, and how they are computed, may not.
@@ -34,7 +35,7 @@ _LIGHTMAP_NAMES = [field.name for field in dataclasses.fields(LightmapSettings) 
 _OUTPUT_NAMES = [field.name for field in dataclasses.fields(OutputSettings)]
 
 
-class ObscuranceSettings(bpy.types.PropertyGroup):
+class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
     """Everything a bake needs to know, saved in the .blend."""
 
     quantity: EnumProperty(
@@ -289,8 +290,8 @@ class ObscuranceSettings(bpy.types.PropertyGroup):
 
 
 def setting_names() -> list[str]:
-    """Names of all settings, in the order in which they are defined."""
-    return list(typing.get_type_hints(ObscuranceSettings))
+    """Names of all settings of a bake, in the order in which they are defined."""
+    return list(ObscuranceSettings.__annotations__)
 
 
 def property_again(name: str, **changes: object) -> object:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Hashable, Mapping, Set
+
 import bpy
 import numpy as np
 
 from ..core.errors import ObscuranceError
 from . import baked_record, color_attribute
 from .mesh_arrays import same_faces
-from .output_settings import OutputSettings, SharedMeshes, Target
+from .output_settings import OutputSettings, SharedMeshes
 from .scene_geometry import BakedObject
 
 
@@ -49,10 +51,9 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
     layers = iter(prepared)
     for mesh, colours, source in jobs:
         for name, domain in output.layers():
-            spread = colours
-            if domain == "CORNER" and output.target is Target.FACE:
-                spread = np.repeat(colours, np.diff(source.base.face_start), axis=0)
-            replaced = color_attribute.fill(mesh, next(layers)[2], name, spread)
+            replaced = color_attribute.fill(
+                mesh, next(layers)[2], name, spread(colours, _start_of(source, domain, output))
+            )
             if replaced:
                 notes.append(replaced)
             baked_record.remember(mesh, name, stored, output.exposure)
@@ -60,6 +61,45 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
         if shown_domain != "FACE":  # only corner and point colours can be active in the viewport
             color_attribute.make_active(mesh, shown)
     return notes
+
+
+def refresh_values(
+    baked: Mapping[Hashable, BakedObject],
+    chosen: Set[Hashable],
+    values: Callable[[Hashable], np.ndarray],
+    output: OutputSettings,
+    stored: str,
+) -> None:
+    """Replace the `values` of the chosen objects among all that are baked, as quickly as a frame of playback asks for.
+
+    What `write_values` made must still be there; where it is not, it is made again. Objects that are gone are left out.
+    """
+    by_uid = {ob.session_uid: ob for ob in bpy.data.objects}
+    users: dict[int, list[Hashable]] = {}
+    for key, one in baked.items():
+        if one.session_uid in by_uid:
+            users.setdefault(by_uid[one.session_uid].data.session_uid, []).append(key)
+    for members in users.values():
+        if chosen.isdisjoint(members):
+            continue
+        mesh = by_uid[baked[members[0]].session_uid].data
+        whole = all(color_attribute.is_color(mesh, name, domain) for name, domain in output.layers())
+        averaged = output.shared_meshes is SharedMeshes.AVERAGE
+        if not whole or (len(members) > 1 and not averaged):
+            write_values([baked[key] for key in members], [values(key) for key in members], output, stored)
+            continue
+        colours = values(members[0]) if len(members) == 1 else np.mean([values(key) for key in members], axis=0)
+        for name, domain in output.layers():
+            color_attribute.fill(mesh, name, name, spread(colours, _start_of(baked[members[0]], domain, output)))
+
+
+def spread(colours: np.ndarray, face_start: np.ndarray | None) -> np.ndarray:
+    """Colours (f, 3) of faces handed on to their corners, or as they are where `face_start` is None."""
+    return colours if face_start is None else np.repeat(colours, np.diff(face_start), axis=0)
+
+
+def _start_of(source: BakedObject, domain: str, output: OutputSettings) -> np.ndarray | None:
+    return source.base.face_start if domain != output.target else None
 
 
 def separate(

@@ -93,7 +93,7 @@ def snapshot_scene(
                 occluders.append(snapshot)
         reader.note_hidden()
         baked = [
-            baked_object(ob, found[ob.session_uid], first_index.get(ob.data.session_uid), reader)
+            _baked_object(ob, found[ob.session_uid], first_index.get(ob.data.session_uid), reader)
             for ob in objects
             if ob.session_uid in found
         ]
@@ -105,7 +105,7 @@ def snapshot_scene(
     return SceneSnapshot(baked, occluders, notes, reader.light_sources())
 
 
-def baked_object(
+def _baked_object(
     ob: bpy.types.Object, snapshot: ObjectSnapshot, first_index: int | None, reader: SceneReader
 ) -> BakedObject:
     """Tie what is seen of an object to its unmodified mesh, whose face indices were carried from `first_index` on."""

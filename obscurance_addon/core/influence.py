@@ -106,6 +106,11 @@ class IncrementalBake:
         return dataclasses.replace(self._held, rays=np.concatenate(rays) if self._scene.has_own_rays else None)
 
     @property
+    def patches(self) -> int:
+        """Number of patches of the objects as they are now."""
+        return sum(len(state.rays) for state in self._scene.states.values())
+
+    @property
     def cache_bytes(self) -> int:
         """Memory that kept hits take."""
         return self._scene.cache.bytes

@@ -6,6 +6,7 @@ import bpy
 
 from ..blender.ambient_nodes import shows_ambient
 from ..blender.baked_record import INDIRECT, indirect_exposure, what_is_stored
+from ..blender.live_preview import PREVIEW
 from ..blender.viewport_shading import shows_result
 from ..core.native_library import why_missing
 from .material_operators import OBSCURANCE_OT_apply_in_materials
@@ -64,6 +65,32 @@ class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
             ).action = "REMOVE" if applied else "ADD"
 
 
+class OBSCURANCE_PT_preview(_Sidebar, bpy.types.Panel):
+    """Keeps the result up to date while the scene changes"""
+
+    bl_label = "Live Preview"
+    bl_idname = "OBSCURANCE_PT_preview"
+    bl_parent_id = "OBSCURANCE_PT_bake"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.prop(context.scene.obscurance, "live_preview", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, context.scene.obscurance
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        if settings.live_preview and PREVIEW.status:
+            draw_message(layout, sentence(PREVIEW.status), "INFO", context.region.width)
+        if settings.live_preview and not context.scene.render.use_lock_interface:
+            layout.prop(context.scene.render, "use_lock_interface", text="Lock Interface in Renders", icon="ERROR")
+        column = layout.column()
+        column.active = not settings.frame_cache
+        column.prop(settings, "preview_mode")
+        column.prop(settings, "preview_memory", text="Memory (MiB)")
+        layout.prop(settings, "frame_cache")
+
+
 class OBSCURANCE_PT_sampling(_Sidebar, bpy.types.Panel):
     """Settings that rarely need a change"""
 
@@ -120,6 +147,7 @@ def _what(meshes: list[str]) -> str:
 
 _CLASSES = (
     OBSCURANCE_PT_bake,
+    OBSCURANCE_PT_preview,
     OBSCURANCE_PT_sampling,
     OBSCURANCE_PT_export,
     OBSCURANCE_MT_object,

@@ -14,7 +14,7 @@ from obscurance_addon.core.scene_objects import SceneObject, join_objects
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.solids import solid_triangles
 
-from .scenes import Mesh, box, floor, grid, icosphere, mesh, rotation, room
+from .scenes import Mesh, box, floor, grid, icosphere, mesh, room, rotation
 
 RED, BLUE, GREEN = (0.8, 0.1, 0.1), (0.1, 0.2, 0.9), (0.1, 0.8, 0.2)
 

@@ -1,0 +1,93 @@
+"""Writes a scene with the colours of every frame of a cache to USD or Alembic.
+
+Blender's exporters take colours anew at every frame only from meshes that deform, and they run frame change handlers.
+So a wave without height is put on each mesh for the time of the export, and a handler writes the values of each frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+
+from ..core.errors import ObscuranceError
+from .export_copy import ExportFormat, copy_for_export
+from .frame_cache import FrameCache
+from .frame_range import at_every_frame
+
+FORMATS = {
+    ".usd": ExportFormat.USD,
+    ".usda": ExportFormat.USD,
+    ".usdc": ExportFormat.USD,
+    ".abc": ExportFormat.ALEMBIC,
+}
+
+
+def export_animation(context: bpy.types.Context, cache: FrameCache, path: Path) -> None:
+    """Write the visible scene over the frames of a cache, with its colours where programs look for them.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    cache : FrameCache
+    path : Path
+        Its name ends in one of `FORMATS`; a file that is there is replaced.
+
+    Raises
+    ------
+    ObscuranceError
+        When the format is unknown or Blender cannot write it.
+    """
+    kind = check_format(path)
+    objects = [context.view_layer.objects[name] for name in cache.names if name in context.view_layer.objects]
+    scene = context.scene
+    current, start, end = scene.frame_current, scene.frame_start, scene.frame_end
+
+    def write_frame(at: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph) -> None:
+        if cache.has(at.frame_current):
+            cache.show(at.frame_current)
+            copy_for_export(objects, cache.output, kind)
+
+    with _seeming_to_deform(objects), at_every_frame(write_frame):
+        try:
+            scene.frame_start, scene.frame_end = cache.frames
+            scene.frame_set(cache.frames[0])  # the layers must be there before the exporter looks
+            if kind is ExportFormat.USD:
+                bpy.ops.wm.usd_export(filepath=str(path), export_animation=True, export_mesh_colors=True)
+            else:
+                first, last = cache.frames
+                bpy.ops.wm.alembic_export(
+                    filepath=str(path), start=first, end=last, vcolors=True, as_background_job=False
+                )
+        except (AttributeError, RuntimeError) as error:
+            raise ObscuranceError(f"this Blender cannot write '{path.name}': {error}") from None
+        finally:
+            scene.frame_start, scene.frame_end = start, end
+            scene.frame_set(current)
+    if not path.is_file():
+        raise ObscuranceError(f"Blender wrote no file '{path}': check the folder")
+
+
+def check_format(path: Path) -> ExportFormat:
+    """The format that the name of a file asks for; raises ObscuranceError for others than `FORMATS`."""
+    kind = FORMATS.get(path.suffix.lower())
+    if kind is None:
+        raise ObscuranceError(f"'{path.name}' names no format with animated colors: use {', '.join(FORMATS)}")
+    return kind
+
+
+@contextmanager
+def _seeming_to_deform(objects: list[bpy.types.Object]) -> Iterator[None]:
+    """Give objects a modifier that moves nothing, but counts as animated."""
+    added = []
+    try:
+        for ob in objects:
+            wave = ob.modifiers.new("Obscurance Export", "WAVE")
+            wave.height = 0.0
+            added.append((ob, wave.name))
+        yield
+    finally:
+        for ob, name in added:
+            ob.modifiers.remove(ob.modifiers[name])

@@ -1,0 +1,126 @@
+"""Bakes every frame of a range into a frame cache."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core.light_settings import LightSettings
+from ..core.settings import BakeSettings
+from ..core.update_mode import UpdateMode
+from .baked_record import what_is_stored
+from .frame_cache import FrameCache, FrameCacheWriter
+from .frame_update import FrameReport, FrameUpdater, FullUpdater
+from .output_settings import OutputSettings
+
+
+@dataclass(frozen=True)
+class FrameRange:
+    """Frames to bake, both ends included, and where to: a folder for the cache."""
+
+    first: int
+    last: int
+    folder: Path
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(range(self.first, self.last + 1))
+
+    def __len__(self) -> int:
+        return self.last - self.first + 1
+
+
+def bake_frames(
+    context: bpy.types.Context,
+    objects: Iterable[bpy.types.Object],
+    settings: BakeSettings,
+    output: OutputSettings,
+    light: LightSettings,
+    frames: FrameRange,
+    ceiling_bytes: int,
+    notes: dict[str, object],
+    tell: Callable[[int, FrameReport], None],
+) -> list[str]:
+    """Bake objects at every frame; the scene ends up at the frame where it was, with the values of the last one baked.
+
+    Parameters
+    ----------
+    context, objects, settings, output, light
+        As for `BakeJob`; a target of the mesh.
+    frames : FrameRange
+    ceiling_bytes : int
+        Memory for cached hits at most.
+    notes : dict
+        Kept in the cache for people to read.
+    tell : callable
+        Called with every frame and what was done for it.
+
+    Returns
+    -------
+    list of str
+        Warnings.
+
+    Raises
+    ------
+    ObscuranceError
+        When nothing can be baked, or the cache cannot be written; an older cache is then still there.
+    """
+    scene = context.scene
+    current, objects = scene.frame_current, list(objects)
+    writer = FrameCacheWriter(frames.folder, output, what_is_stored(light), notes)
+    try:
+        scene.frame_set(frames.first)
+        if light.needs_light:
+            updater: FrameUpdater | FullUpdater = FullUpdater(objects, settings, output, light)
+            report = updater.update(context)
+        else:
+            updater = FrameUpdater(context, objects, settings, output, ceiling_bytes, UpdateMode.EXACT)
+            report = updater.start()
+        for frame in frames:
+            if frame > frames.first:
+                scene.frame_set(frame)
+                depsgraph = context.evaluated_depsgraph_get()
+                updater.note(depsgraph)
+                report = updater.update(context, depsgraph)
+            writer.add(
+                frame, {name: stored_colours(context.view_layer.objects[name], output) for name in report.objects}
+            )
+            tell(frame, report)
+        writer.finish()
+    finally:
+        writer.discard()
+        scene.frame_set(current)
+    return updater.notes
+
+
+def play_back(scene: bpy.types.Scene, cache: FrameCache, home: Path) -> None:
+    """Make a scene that will be saved in the folder `home` play a cache, beginning with the frame that it shows."""
+    if cache.has(scene.frame_current):
+        cache.show(scene.frame_current)
+    group, folder = scene.obscurance, cache.folder
+    group.live_preview = False
+    group.frame_cache = f"//{folder.relative_to(home)}" if folder.is_relative_to(home) else str(folder)
+    group.live_preview = True
+
+
+def stored_colours(ob: bpy.types.Object, output: OutputSettings) -> np.ndarray:
+    """The values (n, 3) float32 that a bake wrote on an object."""
+    data = ob.data.attributes[output.attribute_name].data
+    rgba = np.empty(len(data) * 4, np.float32)
+    data.foreach_get("color", rgba)
+    return rgba.reshape(-1, 4)[:, :3]
+
+
+@contextmanager
+def at_every_frame(handler: Callable[[bpy.types.Scene, bpy.types.Depsgraph], None]) -> Iterator[None]:
+    """Run a handler after every change of frame."""
+    handlers = bpy.app.handlers.frame_change_post
+    handlers.append(handler)
+    try:
+        yield
+    finally:
+        handlers.remove(handler)

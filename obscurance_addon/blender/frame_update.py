@@ -1,0 +1,288 @@
+"""Keeps the values of some objects equal to those of a full bake while the scene changes.
+
+    updater = FrameUpdater(context, objects, settings, output, ceiling_bytes)
+    updater.compute()                         # the full bake; any thread
+    updater.write()
+    report = updater.update(context)          # after every change
+
+What a full bake derives from the whole scene (recentring, the automatic distance) stays as it was at the start.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Hashable, Iterable
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import bpy
+import numpy as np
+
+from ..core.errors import ObscuranceError
+from ..core.influence import IncrementalBake
+from ..core.light_settings import LightSettings
+from ..core.monitor import Monitor
+from ..core.scene_building import Held
+from ..core.scene_objects import SceneObject
+from ..core.settings import BakeSettings
+from ..core.update_mode import UpdateMode
+from .bake_job import BakeJob, check_destination, writable_objects
+from .object_arrays import ObjectArrays
+from .output_settings import OutputSettings, Scale, Target
+from .render_visibility import rendered_meshes
+from .result_writer import refresh_values, write_values
+from .scene_changes import Change, NotUpdatableError, SceneChanges
+from .scene_geometry import BakedObject, snapshot_scene
+
+STORED = "OBSCURANCE"
+
+
+@dataclass(frozen=True)
+class FrameReport:
+    """What one update did.
+
+    Attributes
+    ----------
+    patches, all_patches : int
+        Patches that were baked again, of all there are.
+    rays, cached_rays : int
+        Rays that were cast, and rays whose static hits were known.
+    seconds : float
+        All of it, reading and writing included.
+    full : str
+        Why everything was baked, '' where that was not needed.
+    objects : list of str
+        Names of the objects that have new values.
+    """
+
+    patches: int
+    all_patches: int
+    rays: int
+    cached_rays: int
+    seconds: float
+    full: str
+    objects: list[str]
+
+
+class FrameUpdater:
+    """Bakes some objects and follows the scene from then on.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    objects : iterable of bpy.types.Object
+        Mesh objects to bake, as for `BakeJob`; those that are hidden now may appear later.
+    settings : BakeSettings
+    output : OutputSettings
+        With a target of the mesh.
+    ceiling_bytes : int
+        Memory for cached hits at most.
+    mode : UpdateMode
+
+    Raises
+    ------
+    ObscuranceError
+        When there is nothing to bake.
+    """
+
+    def __init__(
+        self,
+        context: bpy.types.Context,
+        objects: Iterable[bpy.types.Object],
+        settings: BakeSettings,
+        output: OutputSettings,
+        ceiling_bytes: int,
+        mode: UpdateMode = UpdateMode.EXACT,
+    ) -> None:
+        if output.target is Target.LIGHTMAP:
+            raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
+        self._settings, self._output, self._ceiling, self._mode = settings, output, ceiling_bytes, mode
+        self._warnings: list[str] = []
+        writable = writable_objects(objects, self._warnings)
+        check_destination(writable, output, None)
+        self._wanted = {ob.session_uid for ob in writable}
+        self._held: Held | None = None
+        self._bake: IncrementalBake | None = None
+        self._movers: set[Hashable] = set()
+        self._read_all(context)
+
+    def _read_all(self, context: bpy.types.Context) -> None:
+        """Read the whole scene; main thread."""
+        objects = [ob for ob in context.view_layer.objects if ob.session_uid in self._wanted]
+        layers = [name for name, _domain in self._output.layers()]
+        snapshot = snapshot_scene(
+            context, objects, needs_rest=self._output.target in {Target.CORNER, Target.POINT}, baked_layers=layers
+        )
+        self.notes = self._warnings + snapshot.notes
+        self.changes = SceneChanges(snapshot, self._wanted, layers)
+        self._movers |= {key for key in self.changes.known if key in _likely_movers(context)}
+
+    def compute(self, monitor: Monitor | None = None) -> None:
+        """The full bake of what was read; any thread, without bpy."""
+        self._objects = ObjectArrays(self._output.target)
+        self._elements: dict[Hashable, np.ndarray] = {}
+        objects = {key: self._object(key, change) for key, change in self.changes.known.items()}
+        self._bake = IncrementalBake(
+            objects,
+            self._settings,
+            movers=self._movers,
+            ceiling_bytes=self._ceiling,
+            held=self._held,
+            monitor=monitor,
+        )
+        self._held = replace(self._bake.held, rays=None)  # their number is found anew with the patches
+
+    def write(self) -> None:
+        """Write all values, for the first time; main thread."""
+        baked = self._baked()
+        values = [self._values(key) for key in baked]
+        write_values(list(baked.values()), values, self._output, STORED)
+
+    def start(self) -> FrameReport:
+        """The full bake, written at once; main thread."""
+        began = time.perf_counter()
+        self.compute()
+        self.write()
+        names = [baked.snapshot.name for baked in self._baked().values()]
+        first = self._bake.last
+        return FrameReport(
+            first.patches, first.patches, first.rays, 0, time.perf_counter() - began, "the first frame", names
+        )
+
+    def note(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Remember what the depsgraph evaluated anew; called for every evaluation between two updates."""
+        self.changes.note(depsgraph)
+
+    def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, rewrite: bool = False) -> FrameReport:
+        """Follow what changed in the scene since the last time, and write the new values.
+
+        Parameters
+        ----------
+        context : bpy.types.Context
+        depsgraph : bpy.types.Depsgraph
+            Evaluated; of the viewport.
+        rewrite : bool
+            Write all values, changed or not, as after an undo.
+        """
+        began = time.perf_counter()
+        try:
+            changed = self.changes.find(context, depsgraph)
+        except NotUpdatableError as error:
+            self._read_all(context)
+            self.compute()
+            update, full, rewrite = self._bake.last, str(error), True
+        else:
+            update = self._bake.update({key: change and self._object(key, change) for key, change in changed.items()})
+            full = update.reason or ""
+            self._objects.keep(change.snapshot.mesh for change in self.changes.known.values())
+        baked = self._baked()
+        chosen = set(baked) if rewrite else update.keys & baked.keys()
+        refresh_values(baked, chosen, self._values, self._output, STORED)
+        return FrameReport(
+            patches=update.patches,
+            all_patches=self._bake.patches,
+            rays=update.rays,
+            cached_rays=update.cached,
+            seconds=time.perf_counter() - began,
+            full=full,
+            objects=[baked[key].snapshot.name for key in chosen],
+        )
+
+    @property
+    def cache_is_full(self) -> bool:
+        """Whether there was no room to cache the hits of some rays."""
+        return self._bake.last.cache_is_full
+
+    def _object(self, key: Hashable, change: Change) -> SceneObject:
+        if change.baked is None:
+            return self._objects.occluder(change.snapshot)
+        found, self._elements[key] = self._objects.baked(change.baked)
+        return found
+
+    def _baked(self) -> dict[Hashable, BakedObject]:
+        known = self.changes.known
+        return {key: change.baked for key, change in known.items() if change.baked is not None}
+
+    def _values(self, key: Hashable) -> np.ndarray:
+        """What to write on an object, (n, 3) float64."""
+        is_white = self._output.scale is Scale.WHITE
+        colours = self._bake.white(key) if is_white else self._bake.values(key).coloured
+        return colours[self._elements[key]]
+
+
+class FullUpdater:
+    """Bakes everything anew at every update, for quantities in which one change reaches the whole scene.
+
+    Parameters as for `BakeJob`.
+    """
+
+    cache_is_full = False
+    notes: ClassVar[list[str]] = []
+
+    def __init__(
+        self,
+        objects: Iterable[bpy.types.Object],
+        settings: BakeSettings,
+        output: OutputSettings,
+        light: LightSettings,
+    ) -> None:
+        self._uids = {ob.session_uid for ob in objects}
+        self._settings, self._output, self._light = settings, output, light
+        self._written: set[int] = set()
+
+    def update(
+        self, context: bpy.types.Context, _depsgraph: bpy.types.Depsgraph | None = None, rewrite: bool = True
+    ) -> FrameReport:
+        """Bake and write everything; parameters as for `FrameUpdater.update`."""
+        began = time.perf_counter()
+        objects = [ob for ob in context.view_layer.objects if ob.session_uid in self._uids]
+        report = BakeJob(context, objects, self._settings, self._output, self._light).run()
+        self._written = {ob.session_uid for ob in objects} | {ob.data.session_uid for ob in objects}
+        return FrameReport(
+            patches=report.patches,
+            all_patches=report.patches,
+            rays=report.rays,
+            cached_rays=0,
+            seconds=time.perf_counter() - began,
+            full=f"{self._light.quantity.value.lower()} light reaches the whole scene",
+            objects=report.objects,
+        )
+
+    def note(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Nothing need be remembered."""
+
+    def caused(self, depsgraph: bpy.types.Depsgraph) -> bool:
+        """Whether what the depsgraph evaluated again is but what the last update wrote."""
+        uids = {update.id.original.session_uid for update in depsgraph.updates}
+        is_own = bool(uids) and uids <= self._written
+        if is_own:
+            self._written = set()
+        return is_own
+
+
+def objects_over_time(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Mesh objects with faces that render now, or are animated, so that they may render later."""
+    now = {ob.session_uid for ob in rendered_meshes(context)}
+    return [
+        ob
+        for ob in context.view_layer.objects
+        if ob.type == "MESH" and len(ob.data.polygons) and (ob.session_uid in now or is_animated(ob))
+    ]
+
+
+def _likely_movers(context: bpy.types.Context) -> set[Hashable]:
+    """Session uids of objects that are animated in some way, which spares them being found out later."""
+    return {ob.session_uid for ob in context.view_layer.objects if is_animated(ob)}
+
+
+def is_animated(ob: bpy.types.Object) -> bool:
+    """Whether an object looks like one that will move, deform, or come and go."""
+    if ob.animation_data is not None or ob.constraints or ob.rigid_body is not None:
+        return True
+    data = ob.data
+    keys = getattr(data, "shape_keys", None)
+    if getattr(data, "animation_data", None) is not None or (keys is not None and keys.animation_data is not None):
+        return True
+    if any(modifier.type == "ARMATURE" for modifier in ob.modifiers):
+        return True
+    return ob.parent is not None and is_animated(ob.parent)

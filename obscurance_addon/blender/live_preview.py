@@ -1,0 +1,324 @@
+"""Live Preview: keeps what is baked equal to the scene while it plays, is scrubbed, edited or rendered.
+
+In a window the first bake runs in a thread of its own and edits are followed once they settle; in the background and in
+renders, where there are no timers, everything happens within the frame change. Nothing of Blender's is kept but names
+and session uids, so that undo, deletion and loading cannot leave a reference behind.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+
+import bpy
+
+from ..core.errors import BakeCancelledError, ObscuranceError
+from ..core.light_settings import LightSettings, Quantity
+from ..core.settings import BakeSettings
+from ..core.update_mode import UpdateMode
+from .bake_job import is_baking
+from .baked_record import is_own_color
+from .frame_cache import FrameCache
+from .frame_update import FrameReport, FrameUpdater, FullUpdater, objects_over_time
+from .job_monitor import JobMonitor
+from .output_settings import OutputSettings, Target
+
+_SETTLED_S = 0.15  # without a change before an edit is followed
+_POLL_S = 0.05
+_BUSY_S = 0.5  # until the next look while something else works on the scene
+_TOLD_S = 6.0  # for which the status line says something
+
+_log = logging.getLogger(__name__)
+
+
+class LivePreview:
+    """Follows one scene.
+
+    Attributes
+    ----------
+    status : str
+        What the last update did, or why there was none.
+    """
+
+    def __init__(self) -> None:
+        self.status = ""
+        self._forget()
+
+    def _forget(self) -> None:
+        self._updater: FrameUpdater | FullUpdater | None = None
+        self._asked: tuple | None = None  # what the updater was made for
+        self._starting: _Start | None = None
+        self._cache: FrameCache | None = None
+        self._rewrite = False
+        self._busy = False
+        self._told: set[str] = set()
+        self._changed_at = 0.0
+
+    def stop(self) -> None:
+        """Let go of everything; the values stay as they are."""
+        if self._starting is not None:
+            self._starting.cancel()
+        self._forget()
+        self.status = ""
+        for function in (_settle, _poll, _clear_status_line):
+            if bpy.app.timers.is_registered(function):
+                bpy.app.timers.unregister(function)
+
+    def distrust(self) -> None:
+        """After undo and redo: read everything again, and write all values."""
+        self._rewrite = True
+        if self._cache is not None:
+            self._cache.forget_shown()
+        if isinstance(self._updater, FrameUpdater):
+            self._updater.changes.distrust()
+
+    def on_frame(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        """A frame was set; the only place from where values are written within a frame."""
+        if not self._follows(scene) or (depsgraph.mode == "RENDER" and scene.frame_subframe != 0.0):
+            return
+        if isinstance(self._updater, FrameUpdater) and depsgraph.mode == "VIEWPORT":
+            self._updater.changes.note(depsgraph)
+        in_window = not bpy.app.background and threading.current_thread() is threading.main_thread()
+        if in_window and self._updater is None and not self._is_cached(scene):
+            self.on_change(scene, None)
+            return
+        self._bring_up_to_date(scene, depsgraph)
+
+    def on_change(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None) -> None:
+        """Something changed outside of a frame change: follow it once it settles."""
+        if not self._follows(scene):
+            return
+        if depsgraph is not None and isinstance(self._updater, FrameUpdater):
+            self._updater.changes.note(depsgraph)
+        elif depsgraph is not None and isinstance(self._updater, FullUpdater) and self._updater.caused(depsgraph):
+            return
+        self._changed_at = time.perf_counter()
+        if not bpy.app.background and not bpy.app.timers.is_registered(_settle):
+            bpy.app.timers.register(_settle, first_interval=_SETTLED_S)
+
+    def _follows(self, scene: bpy.types.Scene) -> bool:
+        return scene.obscurance.live_preview and not self._busy and not is_baking() and scene == bpy.context.scene
+
+    def settle(self) -> float | None:
+        """Timer: start the preview, or follow an edit, as soon as nothing else goes on."""
+        scene = bpy.context.scene
+        if not scene.obscurance.live_preview:
+            self.stop()
+            return None
+        waited = time.perf_counter() - self._changed_at
+        if waited < _SETTLED_S:
+            return _SETTLED_S - waited
+        if is_baking() or self._starting is not None or bpy.app.is_job_running("RENDER") or _in_edit_mode():
+            return _BUSY_S
+        if self._is_cached(scene) or self._is_current(scene):
+            self._bring_up_to_date(scene, bpy.context.evaluated_depsgraph_get())
+        else:
+            self._start(scene, in_thread=True)
+        return None
+
+    def _bring_up_to_date(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        """Make the values those of the scene as it is now, within this call."""
+        self._busy = True
+        try:
+            if self._show_cached(scene):
+                return
+            if depsgraph.mode == "RENDER":  # values belong to the meshes of the viewport, as those of a bake do
+                depsgraph = bpy.context.evaluated_depsgraph_get()
+                if isinstance(self._updater, FrameUpdater):
+                    self._updater.changes.distrust()
+            if not self._is_current(scene):
+                self._start(scene, in_thread=False)
+            else:
+                self._tell(self._updater.update(bpy.context, depsgraph, rewrite=self._rewrite))
+            self._rewrite = False
+        except ObscuranceError as error:
+            self._give_up(error)
+        except BaseException:
+            self._forget()  # whatever is known may be half of it
+            raise
+        finally:
+            self._busy = False
+            _redraw()
+
+    def _start(self, scene: bpy.types.Scene, in_thread: bool) -> None:
+        """The full bake from which everything is followed."""
+        asked = settings, output, light, mode, memory = _asked_of(scene)
+        self._updater, self._asked = None, None
+        try:
+            if output.target is Target.LIGHTMAP:
+                raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
+            objects = preview_objects(output.attribute_name)
+            if light.needs_light:
+                updater = FullUpdater(objects, settings, output, light)
+                self._tell_once(f"{updater.update(bpy.context).full}: everything is baked anew at every change")
+            else:
+                updater = FrameUpdater(bpy.context, objects, settings, output, memory * (1 << 20), mode)
+                if in_thread:
+                    self.status = "Baking once..."
+                    self._starting = _Start(updater)
+                    self._asked = asked
+                    bpy.app.timers.register(_poll, first_interval=_POLL_S)
+                    return
+                updater.start()
+        except ObscuranceError as error:
+            self._give_up(error)
+            return
+        self._updater, self._asked = updater, asked
+        self.status = "Following the scene"
+
+    def poll(self) -> float | None:
+        """Timer: take over the first bake once its thread is done."""
+        start = self._starting
+        if start is None:
+            return None
+        if start.is_alive():
+            self.status = f"Baking once: {start.progress:.0%}"
+            _redraw()
+            return _POLL_S
+        if is_baking() or _in_edit_mode():
+            return _BUSY_S
+        self._starting = None
+        try:
+            start.check()
+            start.updater.write()
+        except ObscuranceError as error:
+            self._give_up(error)
+            return None
+        self._updater = start.updater
+        self.status = "Following the scene"
+        self.on_change(bpy.context.scene, None)  # what happened meanwhile
+        _redraw()
+        return None
+
+    def _is_current(self, scene: bpy.types.Scene) -> bool:
+        return self._updater is not None and self._asked == _asked_of(scene)
+
+    def _is_cached(self, scene: bpy.types.Scene) -> bool:
+        folder = bpy.path.abspath(scene.obscurance.frame_cache) if scene.obscurance.frame_cache else ""
+        if not folder:
+            self._cache = None
+        elif self._cache is None or str(self._cache.folder) != folder:
+            self._cache = FrameCache.open(folder)
+        return self._cache is not None and self._cache.has(scene.frame_current)
+
+    def _show_cached(self, scene: bpy.types.Scene) -> bool:
+        """Write the cached values of this frame, where there are some."""
+        try:
+            if not self._is_cached(scene):
+                return False
+            changed = self._cache.show(scene.frame_current)
+        except ObscuranceError as error:
+            self._give_up(error)
+            return True
+        self.status = f"Frame {scene.frame_current} from the cache, {len(changed)} objects changed"
+        return True
+
+    def _tell(self, report: FrameReport) -> None:
+        if report.full and isinstance(self._updater, FrameUpdater):
+            self._tell_once(f"{report.full}: everything was baked anew")
+        elif self._updater.cache_is_full:
+            self._tell_once("the memory for cached hits is used up, so updates take longer; see Preview Memory")
+        self.status = (
+            f"{report.patches:,} of {report.all_patches:,} patches in {1e3 * report.seconds:.1f} ms"
+            if report.patches
+            else "Up to date"
+        )
+
+    def _tell_once(self, text: str) -> None:
+        """Say something in the status line, and never again while this preview runs."""
+        if text in self._told:
+            return
+        self._told.add(text)
+        _log.info("Live Preview: %s", text)
+        if not bpy.app.background and threading.current_thread() is threading.main_thread():
+            for workspace in bpy.data.workspaces:
+                workspace.status_text_set(f"Live Preview: {text}")
+            if not bpy.app.timers.is_registered(_clear_status_line):
+                bpy.app.timers.register(_clear_status_line, first_interval=_TOLD_S)
+
+    def _give_up(self, error: ObscuranceError) -> None:
+        """Say why there is no preview; it is tried again at the next change."""
+        self._updater = self._asked = self._starting = None
+        self.status = str(error)
+        self._tell_once(str(error))
+        _log.warning("Live Preview: %s", error)
+
+
+class _Start:
+    """The first bake, in a thread of its own."""
+
+    def __init__(self, updater: FrameUpdater) -> None:
+        self.updater = updater
+        self._monitor = JobMonitor(Quantity.OBSCURANCE)
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="obscurance-preview", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            self.updater.compute(self._monitor)
+        except BaseException as error:  # handed to the main thread
+            self._error = error
+
+    @property
+    def progress(self) -> float:
+        return self._monitor.progress
+
+    def is_alive(self) -> bool:
+        return self._thread.is_alive()
+
+    def cancel(self) -> None:
+        self._monitor.cancelled.set()
+        self._thread.join()
+
+    def check(self) -> None:
+        """Raise what stopped the bake."""
+        if self._error is not None and not isinstance(self._error, BakeCancelledError):
+            raise self._error
+
+
+PREVIEW = LivePreview()
+
+
+def _settle() -> float | None:  # timers tell functions apart by identity, which bound methods do not have
+    return PREVIEW.settle()
+
+
+def _poll() -> float | None:
+    return PREVIEW.poll()
+
+
+def preview_objects(attribute_name: str) -> list[bpy.types.Object]:
+    """The objects to follow: those baked under this name, or all that render now or may later if none is."""
+    context = bpy.context
+    meshes = [ob for ob in context.view_layer.objects if ob.type == "MESH" and len(ob.data.polygons)]
+    baked = [ob for ob in meshes if is_own_color(ob.data, attribute_name)]
+    return baked or objects_over_time(context)
+
+
+def _asked_of(scene: bpy.types.Scene) -> tuple[BakeSettings, OutputSettings, LightSettings, UpdateMode, int]:
+    group = scene.obscurance
+    mode = UpdateMode(group.preview_mode)
+    return group.to_settings(), group.to_output(), group.to_light(), mode, group.preview_memory
+
+
+def _in_edit_mode() -> bool:
+    return any(ob.type == "MESH" and ob.data.is_editmode for ob in bpy.context.view_layer.objects)
+
+
+def _redraw() -> None:
+    """Have the panels drawn anew, where there are windows and this is their thread."""
+    if bpy.app.background or threading.current_thread() is not threading.main_thread():
+        return
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
+
+
+def _clear_status_line() -> None:
+    for workspace in bpy.data.workspaces:
+        workspace.status_text_set(None)

@@ -1,0 +1,68 @@
+"""Snapshots of single objects made ready for the core. numpy only, any thread."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..core.patches import Patches, Surfaces
+from ..core.scene_objects import SceneObject
+from ..core.solids import solid_triangles
+from .bake_arrays import shade
+from .mesh_arrays import MeshArrays
+from .output_settings import Target
+from .patch_parts import WorldObject, baked_part
+from .scene_geometry import BakedObject
+from .scene_reader import ObjectSnapshot
+
+
+class ObjectArrays:
+    """Turns snapshots into objects of the core; what only depends on a mesh is found once.
+
+    Parameters
+    ----------
+    target : Target
+        What values belong to; not LIGHTMAP.
+    """
+
+    def __init__(self, target: Target) -> None:
+        self._target = target
+        self._solid: dict[int, tuple[MeshArrays, np.ndarray]] = {}  # by the mesh, which stays alive with its entry
+
+    def occluder(self, ob: ObjectSnapshot) -> SceneObject:
+        """An object that only occludes."""
+        return SceneObject(self._surfaces(ob, WorldObject.of(ob, shade(ob))), Patches.none(), np.zeros((0, 3)), None)
+
+    def baked(self, baked: BakedObject) -> tuple[SceneObject, np.ndarray]:
+        """An object that receives values, and the patch (n,) int of each element of its unmodified mesh."""
+        world = WorldObject.of(baked.snapshot, shade(baked.snapshot))
+        part = baked_part(baked, world, self._target)
+        return (
+            SceneObject(
+                self._surfaces(baked.snapshot, world),
+                Patches(part.cells, part.patch, part.ids),
+                part.reflectance,
+                (part.element_patch_of_node, part.node),
+            ),
+            part.element_patch,
+        )
+
+    def keep(self, meshes: Iterable[MeshArrays]) -> None:
+        """Forget all other meshes."""
+        kept = {id(mesh) for mesh in meshes}
+        self._solid = {key: found for key, found in self._solid.items() if key in kept}
+
+    def _surfaces(self, ob: ObjectSnapshot, world: WorldObject) -> Surfaces:
+        return Surfaces(
+            vertices=world.vertices,
+            triangles=world.triangles,
+            reflectance=world.reflectance[ob.mesh.triangle_face],
+            solid=self._solid_triangles(ob.mesh),
+        )
+
+    def _solid_triangles(self, mesh: MeshArrays) -> np.ndarray:
+        if id(mesh) not in self._solid:
+            triangles = mesh.corner_vertex[mesh.triangle_corners]
+            self._solid[id(mesh)] = mesh, solid_triangles(mesh.positions, triangles)
+        return self._solid[id(mesh)][1]

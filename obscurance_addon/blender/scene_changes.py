@@ -1,0 +1,170 @@
+"""What of a scene changed since it was last looked at, told by comparing arrays, never by the depsgraph's word alone.
+
+The depsgraph names what it evaluated again. Where it can be trusted, nothing else is read; what it names is read and
+compared, since Cycles without persistent data reports all there is at every frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, fields, replace
+
+import bpy
+import numpy as np
+
+from ..core.errors import ObscuranceError
+from .bake_arrays import shade
+from .mesh_arrays import MeshArrays, read_mesh, same_faces
+from .scene_geometry import BakedObject, SceneSnapshot
+from .scene_reader import ObjectSnapshot, SceneReader, instance_key
+
+# Kinds of data whose change may change how any object looks.
+_LOOKS = (bpy.types.Material, bpy.types.NodeTree, bpy.types.Image, bpy.types.Texture)
+
+
+class NotUpdatableError(ObscuranceError):
+    """A change that only a full bake can follow; the message says which."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """An object as it is now; `baked` is None for objects that only occlude."""
+
+    snapshot: ObjectSnapshot
+    baked: BakedObject | None
+
+
+class SceneChanges:
+    """Remembers the objects of a scene, and finds those that changed.
+
+    Parameters
+    ----------
+    snapshot : SceneSnapshot
+        The scene as it was baked.
+    wanted : set of int
+        Session uids of all objects that are to receive values, visible or not.
+    baked_layers : sequence of str
+        As for `snapshot_scene`.
+    """
+
+    def __init__(self, snapshot: SceneSnapshot, wanted: set[int], baked_layers: Sequence[str]) -> None:
+        self._wanted, self._baked_layers = wanted, baked_layers
+        self.known: dict[Hashable, Change] = {
+            baked.snapshot.key: Change(baked.snapshot, baked) for baked in snapshot.baked
+        }
+        self.known.update({ob.key: Change(ob, None) for ob in snapshot.occluders})
+        self._evaluated: set[int] = set()
+        self._all = True
+
+    def distrust(self) -> None:
+        """Read everything next time, as after an undo."""
+        self._all = True
+
+    def note(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Remember what the depsgraph evaluated again."""
+        for update in depsgraph.updates:
+            if isinstance(update.id, _LOOKS) or (update.is_updated_shading and not _is_light(update.id)):
+                self._all = True
+            elif update.is_updated_geometry:
+                self._evaluated.add(update.id.original.session_uid)
+
+    def find(
+        self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, everything: bool = False
+    ) -> dict[Hashable, Change | None]:
+        """What changed since the last time, by key; None for what is gone. `known` is what there is now.
+
+        Raises
+        ------
+        NotUpdatableError
+            When an object has other faces than before; what is known then stays as it was.
+        """
+        everything = everything or self._all
+        reader = SceneReader(context, [], self._baked_layers, None, None)
+        now: dict[Hashable, Change] = {}
+        changed: dict[Hashable, Change | None] = {}
+        for instance in depsgraph.object_instances:
+            if not reader.shows(instance):
+                continue
+            key = instance_key(instance)
+            old = self.known.get(key)
+            new = self._read(reader, instance, old, everything)
+            now[key] = new
+            if new is not old:
+                changed[key] = new
+        changed.update({key: None for key in self.known if key not in now})
+        self.known = now
+        self._evaluated.clear()
+        self._all = False
+        return changed
+
+    def _read(
+        self,
+        reader: SceneReader,
+        instance: bpy.types.DepsgraphObjectInstance,
+        old: Change | None,
+        everything: bool,
+    ) -> Change:
+        """An instance as it is now; `old` itself if it did not change."""
+        ob = instance.object
+        matrix = np.array(instance.matrix_world, np.float64)
+        uids = {ob.original.session_uid, ob.data.original.session_uid}
+        if old is not None and not everything and not uids & self._evaluated:
+            if np.array_equal(matrix, old.snapshot.matrix):
+                return old
+            return _moved(old, replace(old.snapshot, matrix=matrix))
+        new = reader.read(instance)
+        uid = ob.original.session_uid
+        if old is not None and _same(new.mesh, old.snapshot.mesh):
+            same_look = _same_look(new, old.snapshot)
+            if same_look and np.array_equal(matrix, old.snapshot.matrix):
+                return old
+            new = replace(old.snapshot, matrix=matrix) if same_look else replace(new, mesh=old.snapshot.mesh)
+            return _moved(old, new)
+        if instance.is_instance or uid not in self._wanted:
+            return Change(new, None)
+        baked = self._tied(ob.original, new, old)
+        return Change(baked.snapshot, baked)
+
+    def _tied(self, ob: bpy.types.Object, new: ObjectSnapshot, old: Change | None) -> BakedObject:
+        """An object tied to its unmodified mesh, by the links that the last full bake found if modifiers make faces."""
+        if ob.data.is_editmode:
+            raise NotUpdatableError(f"object '{ob.name}' is in Edit Mode")
+        mesh, before = new.mesh, old and old.baked
+        if before is not None and not same_faces(ob.data, before.base):
+            raise NotUpdatableError(f"the mesh of object '{ob.name}' has other faces than before")
+        if before is None or before.snapshot.mesh.face_origin is None:
+            if not same_faces(ob.data, mesh):
+                raise NotUpdatableError(f"the modifiers of object '{ob.name}' make other faces than before")
+            return BakedObject(new, mesh, ob.session_uid)
+        if not _same_topology(mesh, before.snapshot.mesh):
+            raise NotUpdatableError(f"the modifiers of object '{ob.name}' make other faces than before")
+        mesh = replace(mesh, face_origin=before.snapshot.mesh.face_origin, rest=before.snapshot.mesh.rest)
+        return BakedObject(replace(new, mesh=mesh), read_mesh(ob.data), before.session_uid)
+
+
+def _moved(old: Change, snapshot: ObjectSnapshot) -> Change:
+    """The same mesh, elsewhere or in other colours."""
+    return Change(snapshot, None if old.baked is None else replace(old.baked, snapshot=snapshot))
+
+
+def _same(one: MeshArrays, other: MeshArrays) -> bool:
+    """Whether two meshes are equal, but for where their faces came from."""
+    names = [field.name for field in fields(MeshArrays) if field.name not in {"face_origin", "rest", "uv", "uv_map"}]
+    return all(_equal(getattr(one, name), getattr(other, name)) for name in names)
+
+
+def _same_topology(one: MeshArrays, other: MeshArrays) -> bool:
+    return _equal(one.face_start, other.face_start) and _equal(one.corner_vertex, other.corner_vertex)
+
+
+def _same_look(one: ObjectSnapshot, other: ObjectSnapshot) -> bool:
+    """Whether the faces of two snapshots of one mesh have the same colours."""
+    return all(_equal(a, b) for a, b in zip(shade(one), shade(other), strict=True))
+
+
+def _equal(one: np.ndarray, other: np.ndarray) -> bool:
+    return one.shape == other.shape and bool((one == other).all())
+
+
+def _is_light(id_: bpy.types.ID) -> bool:
+    return isinstance(id_, bpy.types.Light) or (isinstance(id_, bpy.types.Object) and id_.type == "LIGHT")

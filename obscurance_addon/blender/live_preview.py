@@ -124,6 +124,7 @@ class LivePreview:
             if self._show_cached(scene):
                 return
             if depsgraph.mode == "RENDER":  # values belong to the meshes of the viewport, as those of a bake do
+                bpy.context.view_layer.update()  # a render leaves them where they were
                 depsgraph = bpy.context.evaluated_depsgraph_get()
                 if isinstance(self._updater, FrameUpdater):
                     self._updater.changes.distrust()

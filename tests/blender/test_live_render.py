@@ -14,7 +14,7 @@ SIZE = 8
 
 @pytest.fixture
 def stage(empty_scene):
-    """A floor of one face that shows its value, a block that comes down towards it, and a camera that sees the floor."""
+    """A floor of one face that shows its value, a block that comes down towards it, and a camera above."""
     ground = floor(size=2.0)
     block = cube("Block", 0.5)
     for frame, height in ((1, 3.0), (3, 0.7)):

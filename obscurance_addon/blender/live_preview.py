@@ -111,6 +111,7 @@ class LivePreview:
             return _SETTLED_S - waited
         if is_baking() or self._starting is not None or bpy.app.is_job_running("RENDER") or _in_edit_mode():
             return _BUSY_S
+        bpy.context.view_layer.update()  # objects that were deleted are gone from it only then
         if self._is_cached(scene) or self._is_current(scene):
             self._bring_up_to_date(scene, bpy.context.evaluated_depsgraph_get())
         else:
@@ -305,7 +306,7 @@ def _asked_of(scene: bpy.types.Scene) -> tuple[BakeSettings, OutputSettings, Lig
 
 
 def _in_edit_mode() -> bool:
-    return any(ob.type == "MESH" and ob.data.is_editmode for ob in bpy.context.view_layer.objects)
+    return any(mesh.is_editmode for mesh in bpy.data.meshes)
 
 
 def _redraw() -> None:

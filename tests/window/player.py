@@ -105,7 +105,7 @@ class Window:
         """
         region, area = region or self.region(), area or self.area()
         seen = set()
-        for share in (0.5, 0.8, 0.25):
+        for share in (0.5, 0.8, 0.25, 0.16):  # the last is where the headers of subpanels have their checkbox
             x = region.x + int(share * region.width)
             for y in range(region.y + region.height - 4, region.y, -_ROW_PX):
                 self.point(x, y)

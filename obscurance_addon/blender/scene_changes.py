@@ -63,9 +63,9 @@ class SceneChanges:
     def note(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Remember what the depsgraph evaluated again."""
         for update in depsgraph.updates:
-            if isinstance(update.id, _LOOKS) or (update.is_updated_shading and not _is_light(update.id)):
+            if isinstance(update.id, _LOOKS):
                 self._all = True
-            elif update.is_updated_geometry:
+            elif update.is_updated_geometry or update.is_updated_shading:
                 self._evaluated.add(update.id.original.session_uid)
 
     def find(
@@ -164,7 +164,3 @@ def _same_look(one: ObjectSnapshot, other: ObjectSnapshot) -> bool:
 
 def _equal(one: np.ndarray, other: np.ndarray) -> bool:
     return one.shape == other.shape and bool((one == other).all())
-
-
-def _is_light(id_: bpy.types.ID) -> bool:
-    return isinstance(id_, bpy.types.Light) or (isinstance(id_, bpy.types.Object) and id_.type == "LIGHT")

@@ -30,7 +30,7 @@ def scene_object(m: Mesh, first_id: int = 0, *, baked: bool = True) -> SceneObje
 
 
 def furniture() -> dict[Hashable, Mesh]:
-    """A room with a crate through its floor, two crates that interpenetrate, a decal, a sheet, an octagon and a ball."""
+    """A room, a crate through its floor, one that interpenetrates it, a decal, a sheet, an octagon and a ball."""
     turns = np.linspace(0, 2 * np.pi, 9)[:-1]
     octagon = np.stack([0.75 + 0.11 * np.cos(turns), 0.23 + 0.1 * np.sin(turns), 0.31 + 0.02 * np.cos(2 * turns)], -1)
     return {

@@ -37,7 +37,7 @@ def furniture() -> dict[Hashable, Mesh]:
         "room": room((0, 0, 0), (1, 1, 0.8), 4, (0.3, 0.5, 0.7)),
         "crate": box((0.23, 0.17, -0.05), (0.51, 0.43, 0.31), 2, RED),
         "other": box((0.45, 0.33, 0.11), (0.83, 0.71, 0.47), 2, BLUE),
-        "decal": floor((0.05, 0.55), (0.35, 0.95), 2, 2, z=2e-6, colour=(0.9, 0.9, 0.1)),
+        "decal": floor((0.05, 0.55), (0.35, 0.95), 2, 2, z=1.5e-5, colour=(0.9, 0.9, 0.1)),
         "sheet": grid((0.61, 0.12, 0.52), (0.25, 0, 0.125), (0, 0.25, 0), 2, 2, colour=GREEN),
         "octagon": mesh(octagon, [(0, i, i + 1) for i in range(1, 7)], [0] * 6, (0.7, 0.3, 0.6)),
         "ball": icosphere(1).moved(0.1, (0.22, 0.77, 0.26)).coloured((0.9, 0.6, 0.2)),

@@ -45,6 +45,16 @@ def test_movers_of_all_kinds(falloff, use_bleeding, seed):
     wander(meshes, bake, settings, movers, 6, np.random.default_rng(seed))
 
 
+def test_a_decal_that_slides():
+    """Two ray offsets over the floor, whose rays pass through it; then at rest, while something passes over it."""
+    meshes, bake = start(movers={"decal"})
+    for x in (0.1, 0.3, 0.31, 0.55, 0.0):
+        bake.update({"decal": scene_object(meshes["decal"].moved(offset=(x, -0.1, 0.0)), 3000)})
+        assert_equals_full_bake(bake, SETTINGS)
+    meshes, bake = start(movers={"ball"})
+    wander(meshes, bake, SETTINGS, ["ball"], 6, np.random.default_rng(10))
+
+
 @pytest.mark.parametrize("falloff", [Falloff.SQRT, Falloff.STEP])
 @pytest.mark.parametrize("rays", [1, 7, 100, 1500])
 def test_any_number_of_rays(rays, falloff):
@@ -186,3 +196,19 @@ def test_the_inside_of_large_solids(expected):
         moved = meshes[key].moved(offset=rng.uniform(-1.5, 1.5, 3))
         bake.update({key: scene_object(moved, 3000, baked=key == "stone")})
         assert_equals_full_bake(bake, SETTINGS)
+
+
+def test_what_hides_the_inside_of_a_solid_from_afar():
+    """A sheet out of reach keeps the probing rays of a floor in a solid from its walls: without it all are invalid."""
+    meshes = {
+        "floor": floor((-0.1, -0.1), (0.1, 0.1), 4, 4),
+        "post": grid((30, 0, 0.95), (0.1, 0, 0), (0, 0, 0.1)),
+        "hull": box((-100, -100, -100), (100, 100, 100)),
+        "lid": grid((-90, -90, 1), (180, 0, 0), (0, 180, 0)),
+    }
+    bake = IncrementalBake(objects_of(meshes, ["hull", "lid"]), SETTINGS, movers={"lid"})
+    assert bake.values("floor").valid.mean() > 0.8
+    for z in (0.05, 20.0, 0.0):
+        bake.update({"lid": scene_object(meshes["lid"].moved(offset=(0, 0, z)), baked=False)})
+        assert_equals_full_bake(bake, SETTINGS)
+        assert bake.values("floor").valid.any() == (z < 1.0)

@@ -227,7 +227,7 @@ class IncrementalBake:
         monitor.phase("trace", int(rays[chosen].sum()))
         boxes = np.concatenate([np.zeros((2, 0, 3)), *(state.patch_boxes for state in states)], axis=1)
         reach = np.full(len(rays), float(layers.limit))
-        moving = [MovingLayer(layer, is_within(boxes, reach, layer_boxes)) for layer, layer_boxes in layers.moving()]
+        moving = [MovingLayer(layer, is_within(boxes, reach, layer.boxes)) for layer in layers.moving()]
         return LayeredCaster(
             layers.traced(cells.of_patches(chosen)),
             np.concatenate([np.zeros(0, np.uint32), *(state.source.patches.ids for state in states)]),
@@ -237,25 +237,25 @@ class IncrementalBake:
             layers.static,
             moving,
             self._scene.cache,
-            np.concatenate([np.zeros(0, np.int64), *(state.slots for state in states)])[at],
-            np.concatenate([np.zeros(0, bool), *(np.full(len(s.slots), s.row not in fresh) for s in states)])[at],
+            np.concatenate([np.zeros((2, 0), np.int64), *(state.slots for state in states)], axis=1)[:, at],
+            np.concatenate([np.zeros(0, bool), *(np.full(len(s.count), s.row not in fresh) for s in states)])[at],
         )
 
     def _take(self, states: list[ObjectState], cells: Cells, chosen: np.ndarray, caster: LayeredCaster) -> None:
         """Enter what was found for the chosen patches (p,) bool in the states of their objects."""
         sums, rows = caster.patch_sums(), self._scene.layers.rows_of(caster.probes)
-        slots = np.empty(len(cells.patch), np.int64)
-        slots[chosen[cells.patch]] = caster.slots
+        slots = np.empty((2, len(cells.patch)), np.int64)
+        slots[:, chosen[cells.patch]] = caster.slots
         first_cell = 0
         for state, own in _parts(states):
-            end = first_cell + len(state.slots)
+            end = first_cell + len(state.count)
             mine = chosen[own]
             if mine.any():
                 for name in ("hit", "miss", "valid"):
                     getattr(state.sums, name)[mine] = getattr(sums, name)[own][mine]
                 state.probes[mine], state.farthest[mine] = rows[own][mine], caster.farthest[own][mine]
                 at = mine[state.cells.patch]
-                state.slots[at] = slots[first_cell:end][at]
+                state.slots[:, at] = slots[:, first_cell:end][:, at]
                 self._scene.table.refresh(state)
                 for row in np.unique(state.probes):
                     self._probed_by.setdefault(int(row), set()).add(state.row)

@@ -16,6 +16,8 @@ from .ray_casting import MISS, Hits
 from .settings import BakeSettings
 from .traced_scene import TracedScene
 
+_BLOCK_RAYS = 16384  # per task: updates have few rays, of which every thread should get some
+
 
 class _Mode(enum.Enum):
     """Where the answers to the rays of a block come from."""
@@ -23,7 +25,6 @@ class _Mode(enum.Enum):
     CACHED = enum.auto()  # what stands still is known
     TO_KEEP = enum.auto()  # it is traced first, and kept
     IN_FULL = enum.auto()
-    UNBOUNDED = enum.auto()  # in full, without limit
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,9 @@ class LayeredCaster(Caster):
     moving : list of MovingLayer
         Everything else.
     cache : HitCache
-    slots : ndarray, (c,) int64
-        Slot of each cell in the cache, NO_SLOT or NEVER. Filled in where hits are kept.
+    slots : ndarray, (2, c) int64
+        Slot of each cell in the cache, NO_SLOT or NEVER: for its rays as far as d_max, and for those without limit.
+        Filled in where hits are kept.
     may_keep : ndarray, (c,) bool
         Cells whose hits may be kept.
 
@@ -71,6 +73,8 @@ class LayeredCaster(Caster):
     farthest : ndarray, (p,) float64
         Distance of the farthest hit of each patch whose rays were cast without limit; else 0.
     """
+
+    keeps_tables = True
 
     def __init__(
         self,
@@ -85,33 +89,31 @@ class LayeredCaster(Caster):
         slots: np.ndarray,
         may_keep: np.ndarray,
     ) -> None:
-        super().__init__(scene, ids, settings, progress=progress, rays=rays)
+        super().__init__(scene, ids, settings, progress=progress, block_rays=_BLOCK_RAYS, rays=rays)
         self.cached = 0
         self.probes = np.full(len(ids), MISS, np.int64)
         self.farthest = np.zeros(len(ids))
-        self._static, self._moving, self._cache, self.slots = static, moving, cache, slots
+        self._static, self._moving, self._cache = static, moving, cache
+        self.slots = self._slots = slots
         self._may_keep = may_keep
         self._far_of_cell = np.zeros(len(scene.cells.patch))
-        self._mode = _Mode.IN_FULL
+        self._mode, self._unbounded = _Mode.IN_FULL, False
 
     def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
-        if unbounded:
-            self._mode = _Mode.UNBOUNDED
-            super().cast(cells, unbounded)
-            np.maximum.at(self.farthest, self.scene.cells.patch, self._far_of_cell)
-            return
-        count = self.samples.count
-        known = self.slots[cells] >= 0
-        to_keep = self._may_keep[cells] & (self.slots[cells] == NO_SLOT) & self.in_one_pass()[cells]
+        self._unbounded, slots = unbounded, self.slots[int(unbounded)]
+        self._slots, count = slots, self.samples.count
+        known = slots[cells] >= 0
+        to_keep = self._may_keep[cells] & (slots[cells] == NO_SLOT) & self.in_one_pass()[cells]
         keep = cells[to_keep]
-        self.slots[keep] = self._cache.reserve(count[keep])
-        to_keep[to_keep] = self.slots[keep] != NO_SLOT
+        slots[keep] = self._cache.reserve(count[keep])
+        to_keep[to_keep] = slots[keep] != NO_SLOT
         self.cached += int(count[cells[known]].sum())
         for mode, group in ((_Mode.CACHED, known), (_Mode.TO_KEEP, to_keep), (_Mode.IN_FULL, ~known & ~to_keep)):
             self._mode = mode
-            super().cast(cells[group])
-        doubled = keep[self.slots[keep] == NEVER]
-        self._cache.waste(int(count[doubled].sum()))
+            super().cast(cells[group], unbounded)
+        self._cache.waste(int(count[keep[slots[keep] == NEVER]].sum()))
+        if unbounded:
+            np.maximum.at(self.farthest, self.scene.cells.patch, self._far_of_cell)
 
     def in_one_pass(self) -> np.ndarray:
         """(c,) bool: cells whose rays are all handed out at once, so that their number tells which they are."""
@@ -127,37 +129,42 @@ class LayeredCaster(Caster):
         if self._mode is _Mode.IN_FULL:
             return super().blocked(cells, origins, directions, limits)
         if self._mode is _Mode.CACHED:
-            blocked = self._cache.read(self.slots[cells], len(origins) // len(cells)).triangle >= 0
+            blocked = self._cache.read(self._slots[cells], len(origins) // len(cells)).triangle >= 0
         else:
             blocked = np.zeros(len(origins), bool)
             if self._static is not None:
-                blocked = self._static.intersector.occluded(origins, directions, limits.copy())
+                self._static.block(origins, directions, limits, blocked)
             kept = KeptHits(limits, np.where(blocked, 0, MISS).astype(np.int32), np.zeros(len(origins), bool))
-            self._cache.write(self.slots[cells], kept)
+            self._cache.write(self._slots[cells], kept)
         for layer in self._layers_near(cells):
-            free = np.flatnonzero(~blocked)
-            blocked[free] = layer.intersector.occluded(origins[free], directions[free], limits[free])
+            layer.block(origins, directions, limits, blocked)
         return blocked
 
     def first_hits(
         self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray, limit: np.float32
     ) -> tuple[Hits, np.ndarray | None]:
-        n = len(origins) // len(cells)
-        if self._mode in (_Mode.IN_FULL, _Mode.UNBOUNDED):
+        if self._mode is _Mode.IN_FULL:
             hits, dropped = super().first_hits(cells, origins, directions, limits, limit)
-            if self._mode is _Mode.UNBOUNDED:
-                far = np.where(hits.triangle >= 0, hits.distance, np.float32(0.0)).reshape(-1, n).max(1)
-                self._far_of_cell[cells] = np.maximum(self._far_of_cell[cells], far)
-            return hits, dropped
+        else:
+            hits, dropped = self._hits_with_cache(cells, origins, directions, limits, limit)
+        if self._unbounded:
+            far = np.where(hits.triangle >= 0, hits.distance, np.float32(0.0)).reshape(len(cells), -1).max(1)
+            self._far_of_cell[cells] = np.maximum(self._far_of_cell[cells], far)
+        return hits, dropped
+
+    def _hits_with_cache(
+        self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray, limit: np.float32
+    ) -> tuple[Hits, np.ndarray | None]:
+        n = len(origins) // len(cells)
         if self._mode is _Mode.CACHED:
-            kept = self._cache.read(self.slots[cells], n)
+            kept = self._cache.read(self._slots[cells], n)
             hits = Hits(kept.distance, kept.triangle, np.zeros((len(origins), 3), np.float32))
             inside = np.flatnonzero(kept.inside)
         else:
             hits = self._keep(cells, origins, directions, limits)
             inside = np.zeros(0, np.intp)  # their normals tell
         for layer in self._layers_near(cells):
-            hits = layer.nearer(origins, directions, hits)
+            layer.nearer(origins, directions, hits)
         # Normals of hits from the cache are 0: no face doubles those, and cells that see doubled faces are not kept.
         pass_doubled_faces(self.scene, cells, n, origins, directions, limit, hits)
         if self.scene.solid is None:
@@ -170,15 +177,17 @@ class LayeredCaster(Caster):
         """First hits among what stands still, which the cache keeps from now on."""
         hits = nothing(limits)
         if self._static is not None:
-            hits = self._static.nearer(origins, directions, hits)
+            self._static.nearer(origins, directions, hits)
         inside = np.zeros(len(origins), bool)
         if self.scene.solid is not None:
             inside = starts_inside(self.scene, directions, hits)
-        self._cache.write(self.slots[cells], KeptHits(hits.distance, hits.triangle, inside))
+        self._cache.write(self._slots[cells], KeptHits(hits.distance, hits.triangle, inside))
         n = len(origins) // len(cells)
-        self.slots[cells[meet_doubled_faces(self.scene, cells, n, hits) // n]] = NEVER
+        self._slots[cells[meet_doubled_faces(self.scene, cells, n, hits) // n]] = NEVER
         return hits
 
     def _layers_near(self, cells: np.ndarray) -> list[Layer]:
+        if self._unbounded:
+            return [moving.layer for moving in self._moving]
         patch = self.scene.cells.patch[cells]
         return [moving.layer for moving in self._moving if moving.is_near[patch].any()]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -47,7 +48,6 @@ class MovingScene:
         self._static_end = self._end = 0
         self._static: list[ObjectState] = []
         self._resting: list[tuple[ObjectState, int]] = []
-        self._changed: list[ObjectState] = []
         self._palette, self._solid = np.zeros((1, 4), np.float32), np.zeros(1, bool)
         self._owner = np.full(1, MISS, np.int32)
         self.has_solid = False
@@ -58,7 +58,8 @@ class MovingScene:
             self._static_end = _number(states, 0)
             self._write(states)
         self._static = states
-        self.static = self._layer(states)
+        layer = self._layer(states)
+        self.static = None if layer is None else dataclasses.replace(layer, boxes=None)
 
     def set_movers(self, resting: list[ObjectState], changed: list[ObjectState]) -> None:
         """Say what moved before and what moves now."""
@@ -68,17 +69,16 @@ class MovingScene:
         members = [(state, state.first) for state in resting]
         if members != self._resting:
             self._resting, self.resting = members, self._layer(resting)
-        self._changed, self.changed = changed, self._layer(changed)
+        self.changed = self._layer(changed)
         self.has_solid = any(state.is_solid for state in (*self._static, *resting, *changed))
 
     def recolour(self, state: ObjectState) -> None:
         """Take over the colours of an object that has its numbers already."""
         self._write([state])
 
-    def moving(self) -> list[tuple[Layer, list[np.ndarray]]]:
-        """The layers of movers, with the boxes (2, 3) of their objects."""
-        layers = [(self.resting, [state for state, _first in self._resting]), (self.changed, self._changed)]
-        return [(layer, [state.box for state in states]) for layer, states in layers if layer is not None]
+    def moving(self) -> list[Layer]:
+        """The layers of movers."""
+        return [layer for layer in (self.resting, self.changed) if layer is not None]
 
     def traced(self, cells: Cells) -> TracedScene:
         """The scene as rays from the cells meet it."""
@@ -124,7 +124,7 @@ class MovingScene:
         )
         finite = np.nan_to_num(np.concatenate(vertices), nan=0.0, posinf=0.0, neginf=0.0)  # no usable one has others
         ids = np.concatenate([state.first + state.usable for state in states]).astype(np.int32)
-        return Layer(self._intersector(finite, triangles, _ignore), ids)
+        return Layer(self._intersector(finite, triangles, _ignore), ids, [state.box for state in states])
 
 
 def _ignore(_triangles: int) -> None:

@@ -46,8 +46,8 @@ class ObjectState:
         Rays of each patch; `share_rays` sets it, and
     count : ndarray, (c,) int
         those of each cell.
-    slots : ndarray, (c,) int64
-        Place of each cell in the cache.
+    slots : ndarray, (2, c) int64
+        Places of each cell in the cache, as of `LayeredCaster`.
     sums : ObscuranceSums
     probes : ndarray, (p,) int64
         Row of the object that the probing ray of each patch met, MISS for none.
@@ -68,7 +68,7 @@ class ObjectState:
         self.is_solid = bool(surfaces.solid[self.usable].any())
         self.cells = prepare_cells(patches, normalisation, 1)
         self.patch_boxes = _patch_boxes(self.cells, len(patches))
-        self.slots = np.full(len(self.cells.patch), NO_SLOT, np.int64)
+        self.slots = np.full((2, len(self.cells.patch)), NO_SLOT, np.int64)
         self.sums = ObscuranceSums(np.zeros((len(patches), 4)), np.zeros(len(patches)), np.zeros(len(patches)), 0)
         self.probes = np.full(len(patches), MISS, np.int64)
         self.farthest = np.zeros(len(patches))
@@ -111,7 +111,7 @@ class ObjectState:
                 np.searchsorted(places, self.slots) != np.searchsorted(places, self.slots + self.count)
             )
         self.slots[lost | (self.slots < 0)] = NO_SLOT
-        return int(self.count[lost].sum())
+        return int((self.count * lost).sum())
 
     def traced_box(self) -> np.ndarray:
         """Box, in metres, that decides whether the object is traced; as `build_scene` finds it; (2, 3) float64."""

@@ -36,6 +36,8 @@ class PatchSamples:
         0 for the bake; other numbers give independent scramblings.
     block_rays : int
         Samples per task; results do not depend on it.
+    keeps_tables : bool
+        Make tables of all point sets, however few the cells need, and keep them for the next cells.
 
     Attributes
     ----------
@@ -51,6 +53,7 @@ class PatchSamples:
         settings: BakeSettings,
         replicate: int = 0,
         block_rays: int = BLOCK_RAYS,
+        keeps_tables: bool = False,
     ) -> None:
         self.cells = cells
         self.start, self.count = split_rays(cells.patch, cells.weight, per_patch)
@@ -59,6 +62,7 @@ class PatchSamples:
         self._sampler: Sampler = settings.sampler
         self._seed = int(hash32(np.uint32(settings.seed) ^ hash32(np.uint32(replicate))))
         self._threads = settings.thread_count()
+        self._keeps_tables = keeps_tables
         self._scramble = scramble_of(ids, self._seed)
 
     def run(
@@ -130,7 +134,8 @@ class PatchSamples:
         """The point sets that the cells (m,) need, ascending, and for each cell the position of its set among them."""
         scramble = self._scramble[self.cells.patch[cells]]
         used = np.bincount(scramble, minlength=SCRAMBLES) > 0
-        if np.count_nonzero(used) > SCRAMBLES // 2:  # then all of them, whose tables are kept for the next cells
+        # Tables of all of them are kept for the next cells.
+        if self._keeps_tables or np.count_nonzero(used) > SCRAMBLES // 2:
             used[:] = True
         return np.flatnonzero(used), (np.cumsum(used) - 1)[scramble]
 

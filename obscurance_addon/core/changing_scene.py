@@ -30,11 +30,14 @@ class Change:
         Of objects that rays meet elsewhere than before, or no more.
     reshaped : set of int
         Rows of objects all of whose patches are new.
+    recoloured : set of int
+        Rows of objects that changed nothing but colours.
     """
 
     boxes: list[np.ndarray] = field(default_factory=list)
     rows: set[int] = field(default_factory=set)
     reshaped: set[int] = field(default_factory=set)
+    recoloured: set[int] = field(default_factory=set)
 
     def add(self, state: ObjectState) -> None:
         """Rays meet the object no more, or they do from now on."""
@@ -99,6 +102,10 @@ class ChangingScene:
         """Number of patches of each object."""
         return {key: len(state.source.patches) for key, state in self.states.items()}
 
+    def is_mover(self, row: int) -> bool:
+        """Whether the object in a row is traced among those that move."""
+        return row in self._movers
+
     def forget_hits(self) -> None:
         """Empty the cache."""
         for state in self.states.values():
@@ -148,6 +155,7 @@ class ChangingScene:
         if self.table.present[state.row]:
             self.layers.recolour(state)
             if needs_palette(self._settings):
+                change.recoloured.add(state.row)
                 change.boxes.append(state.box)
 
     def _change_presence(self, change: Change) -> None:

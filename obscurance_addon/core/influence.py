@@ -70,6 +70,8 @@ class IncrementalBake:
         When the monitor says so.
     """
 
+    _caster_type = LayeredCaster
+
     def __init__(
         self,
         objects: Mapping[Hashable, SceneObject],
@@ -117,6 +119,7 @@ class IncrementalBake:
 
     def values(self, key: Hashable) -> ObjectValues:
         """Obscurances of the patches of one object."""
+        self._check()
         state = self._scene.states[key]
         if state.values is None:
             state.values = patch_values(state.sums, self.r_ave, self._settings.use_bleeding)
@@ -127,6 +130,10 @@ class IncrementalBake:
         """`Obscurances.white` of one object, (p, 3) float64."""
         values, white = self.values(key), self._open()
         return np.where(white > 0.0, values.coloured / np.where(white > 0.0, white, 1.0), values.grey[:, None])
+
+    def _check(self) -> None:
+        if not self._is_usable:
+            raise ObscuranceError("an update was not finished: bake the scene anew")
 
     def _open(self) -> np.ndarray:
         return self.r_ave if self._settings.use_bleeding else np.ones(3)
@@ -147,8 +154,7 @@ class IncrementalBake:
         KeyError
             When an unknown object is said to be gone; nothing has changed then.
         """
-        if not self._is_usable:
-            raise ObscuranceError("an update was not finished: bake the scene anew")
+        self._check()
         if unknown := [key for key, source in changes.items() if source is None and key not in self._scene.states]:
             raise KeyError(*unknown)
         self._is_usable = False
@@ -167,6 +173,10 @@ class IncrementalBake:
             return self._bake_all(monitor, "the first solid came, or the last one went")
         if scene.cache.is_clogged:
             scene.forget_hits()
+        return self._bake_influenced(change, monitor)
+
+    def _bake_influenced(self, change: Change, monitor: Monitor) -> Update:
+        """Bake what a change may have influence on; this is all that sets other ways to choose it apart."""
         return self._bake(*self._influenced(change), change.reshaped, monitor)
 
     def _influenced(self, change: Change) -> tuple[list[ObjectState], Cells, np.ndarray]:
@@ -177,7 +187,7 @@ class IncrementalBake:
         states = [table.states[row] for row in sorted(near) if table.states[row] is not None]
         cells = join_cells_of(states)
         chosen = influenced(states, cells, change.boxes, limit, change.rows)
-        for state, own in _parts(states):
+        for state, own in parts(states):
             chosen[own] |= state.row in change.reshaped
         return states, cells, chosen
 
@@ -208,7 +218,7 @@ class IncrementalBake:
             if caster.scene.solid is not None:
                 caster.recast_patches_inside_solids()
         self._take(states, cells, chosen, caster)
-        keys = {state.key for state, own in _parts(states) if chosen[own].any()}
+        keys = {state.key for state, own in parts(states) if chosen[own].any()}
         r_ave = mean_of_sums(*self._scene.table.areas.sum(0).reshape(2, 4))
         if self._settings.use_bleeding and not np.array_equal(r_ave, self.r_ave):
             keys = {key for key, state in self._scene.states.items() if len(state.rays)}
@@ -228,7 +238,7 @@ class IncrementalBake:
         boxes = np.concatenate([np.zeros((2, 0, 3)), *(state.patch_boxes for state in states)], axis=1)
         reach = np.full(len(rays), float(layers.limit))
         moving = [MovingLayer(layer, is_within(boxes, reach, layer.boxes)) for layer in layers.moving()]
-        return LayeredCaster(
+        return self._caster_type(
             layers.traced(cells.of_patches(chosen)),
             np.concatenate([np.zeros(0, np.uint32), *(state.source.patches.ids for state in states)]),
             self._settings,
@@ -247,7 +257,7 @@ class IncrementalBake:
         slots = np.empty((2, len(cells.patch)), np.int64)
         slots[:, chosen[cells.patch]] = caster.slots
         first_cell = 0
-        for state, own in _parts(states):
+        for state, own in parts(states):
             end = first_cell + len(state.count)
             mine = chosen[own]
             if mine.any():
@@ -262,7 +272,7 @@ class IncrementalBake:
             first_cell = end
 
 
-def _parts(states: list[ObjectState]) -> Iterator[tuple[ObjectState, slice]]:
+def parts(states: list[ObjectState]) -> Iterator[tuple[ObjectState, slice]]:
     """Each object, with its part of the patches of all."""
     first = 0
     for state in states:

@@ -21,7 +21,9 @@ RED, BLUE, GREEN = (0.8, 0.1, 0.1), (0.1, 0.2, 0.9), (0.1, 0.8, 0.2)
 
 def scene_object(m: Mesh, first_id: int = 0, *, baked: bool = True) -> SceneObject:
     """A mesh as one object; faces that share a vertex are neighbours."""
-    surfaces = Surfaces(m.vertices, m.triangles, m.reflectance[m.face], solid_triangles(m.vertices, m.triangles))
+    solid = solid_triangles(m.vertices, m.triangles)
+    patch = m.face.astype(np.int32) if baked else None
+    surfaces = Surfaces(m.vertices, m.triangles, m.reflectance[m.face], solid, patch=patch)
     if not baked:
         return SceneObject(surfaces, Patches.none(), np.zeros((0, 3)))
     ids = np.arange(first_id, first_id + m.faces, dtype=np.uint32)

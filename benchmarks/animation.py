@@ -65,10 +65,9 @@ def _table_row(name: str, rays: int) -> dict:
 def _pass(scene: bpy.types.Scene) -> dict:
     """Seconds of every frame, of the core's part of it, and counts."""
     scene.frame_set(FRAMES[0] - 1)
-    whole, core, counts = [], [], []
+    core, counts = [], []
     with _core_watched(core, counts):
-        for frame in FRAMES:
-            whole.append(_seconds(lambda frame=frame: scene.frame_set(frame)))
+        whole = [_seconds(lambda frame=frame: scene.frame_set(frame)) for frame in FRAMES]
     assert len(core) == len(whole)
     return {"frames": whole, "core": core, "counts": counts}
 
@@ -79,7 +78,7 @@ def _tiles(repeats: int) -> list[dict]:
     for side in TILES:
         empty_scene()
         scene = bpy.context.scene
-        objects = _tiled_floor(side) + [_add_cube((0.0, 0.0, 0.5), 0.5)]
+        objects = [*_tiled_floor(side), _add_cube((0.0, 0.0, 0.5), 0.5)]
         cube = objects[-1]
         for frame, x in ((1, -0.6), (FRAMES[-1], 0.6)):
             cube.location = (x, 0.1, 0.5)
@@ -160,7 +159,9 @@ def _open(name: str) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(SAMPLES / f"{name}.blend"))
     if CUBE in bpy.data.objects:
         return
-    corners = np.array([ob.matrix_world @ v.co for ob in bpy.data.objects if ob.type == "MESH" for v in ob.data.vertices])
+    corners = np.array(
+        [ob.matrix_world @ v.co for ob in bpy.data.objects if ob.type == "MESH" for v in ob.data.vertices]
+    )
     low, high = corners.min(0), corners.max(0)
     centre, width = 0.5 * (low + high), float((high - low)[0])
     cube = _add_cube(centre, 0.1 * width)

@@ -6,7 +6,7 @@ from ..core.falloff import Falloff
 from ..core.light_settings import Ambient, Quantity
 from ..core.lightmap_settings import UvMode
 from ..core.settings import Sampler
-from ..core.update_mode import UpdateMode
+from ..core.update_results import UpdateMode
 from .output_settings import ImageFormat, Scale, SharedMeshes, Target
 
 

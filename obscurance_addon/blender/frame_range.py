@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.light_settings import LightSettings
 from ..core.settings import BakeSettings
-from ..core.update_mode import UpdateMode
+from ..core.update_results import UpdateMode
 from .baked_record import what_is_stored
 from .frame_cache import FrameCache, FrameCacheWriter
 from .frame_update import FrameReport, FrameUpdater, FullUpdater

@@ -20,12 +20,13 @@ import numpy as np
 
 from ..core.errors import ObscuranceError
 from ..core.influence import IncrementalBake
+from ..core.influence_list import ListBake
 from ..core.light_settings import LightSettings
 from ..core.monitor import Monitor
 from ..core.scene_building import Held
 from ..core.scene_objects import SceneObject
 from ..core.settings import BakeSettings
-from ..core.update_mode import UpdateMode
+from ..core.update_results import UpdateMode
 from .bake_job import BakeJob, check_destination, writable_objects
 from .object_arrays import ObjectArrays
 from .output_settings import OutputSettings, Scale, Target
@@ -35,6 +36,7 @@ from .scene_changes import Change, NotUpdatableError, SceneChanges
 from .scene_geometry import BakedObject, snapshot_scene
 
 STORED = "OBSCURANCE"
+_BAKES = {UpdateMode.EXACT: IncrementalBake, UpdateMode.LIST: ListBake}
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ class FrameUpdater:
         self._objects = ObjectArrays(self._output.target)
         self._elements: dict[Hashable, np.ndarray] = {}
         objects = {key: self._object(key, change) for key, change in self.changes.known.items()}
-        self._bake = IncrementalBake(
+        self._bake = _BAKES[self._mode](
             objects,
             self._settings,
             movers=self._movers,

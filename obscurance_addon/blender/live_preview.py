@@ -16,7 +16,7 @@ import bpy
 from ..core.errors import BakeCancelledError, ObscuranceError
 from ..core.light_settings import LightSettings, Quantity
 from ..core.settings import BakeSettings
-from ..core.update_mode import UpdateMode
+from ..core.update_results import UpdateMode
 from .bake_job import is_baking
 from .baked_record import is_own_color
 from .frame_cache import FrameCache

@@ -32,7 +32,8 @@ class ObjectArrays:
 
     def occluder(self, ob: ObjectSnapshot) -> SceneObject:
         """An object that only occludes."""
-        return SceneObject(self._surfaces(ob, WorldObject.of(ob, shade(ob))), Patches.none(), np.zeros((0, 3)), None)
+        surfaces = self._surfaces(ob, WorldObject.of(ob, shade(ob)), None)
+        return SceneObject(surfaces, Patches.none(), np.zeros((0, 3)), None)
 
     def baked(self, baked: BakedObject) -> tuple[SceneObject, np.ndarray]:
         """An object that receives values, and the patch (n,) int of each element of its unmodified mesh."""
@@ -40,7 +41,7 @@ class ObjectArrays:
         part = baked_part(baked, world, self._target)
         return (
             SceneObject(
-                self._surfaces(baked.snapshot, world),
+                self._surfaces(baked.snapshot, world, part.face_patch),
                 Patches(part.cells, part.patch, part.ids),
                 part.reflectance,
                 (part.element_patch_of_node, part.node),
@@ -53,12 +54,13 @@ class ObjectArrays:
         kept = {id(mesh) for mesh in meshes}
         self._solid = {key: found for key, found in self._solid.items() if key in kept}
 
-    def _surfaces(self, ob: ObjectSnapshot, world: WorldObject) -> Surfaces:
+    def _surfaces(self, ob: ObjectSnapshot, world: WorldObject, face_patch: np.ndarray | None) -> Surfaces:
         return Surfaces(
             vertices=world.vertices,
             triangles=world.triangles,
             reflectance=world.reflectance[ob.mesh.triangle_face],
             solid=self._solid_triangles(ob.mesh),
+            patch=None if face_patch is None else face_patch[ob.mesh.triangle_face].astype(np.int32),
         )
 
     def _solid_triangles(self, mesh: MeshArrays) -> np.ndarray:

@@ -1,10 +1,18 @@
-"""What an incremental bake tells."""
+"""What an incremental bake is asked, and what it tells."""
 
 from __future__ import annotations
 
+import enum
 from dataclasses import dataclass
 
 import numpy as np
+
+
+class UpdateMode(enum.StrEnum):
+    """How the patches that a change has influence on are found."""
+
+    EXACT = "EXACT"  # all that it can reach: `influence.IncrementalBake`
+    LIST = "LIST"  # the list of the 2003 paper: `influence_list.ListBake`
 
 
 @dataclass(frozen=True)

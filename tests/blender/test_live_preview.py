@@ -242,6 +242,26 @@ def test_light_is_baked_in_full(room, empty_scene, caplog):
     assert len([r for r in caplog.records if "direct light" in r.message]) == 1
 
 
+def test_the_published_list_bakes_less_and_what_it_bakes_is_right(room, empty_scene, monkeypatch):
+    """Values are those of some full bake: of this frame, or for patches that the list misses of an earlier one."""
+    key(room["Mover"], 1, "location", (0, 0, 0.6))
+    key(room["Mover"], 10, "location", (0.9, 0.2, 0.6))
+    full = []
+    for frame in (1, 4, 7, 10):
+        at(frame)
+        full.append(baked_anew(room.values()))
+    empty_scene.obscurance.preview_mode = "LIST"
+    empty_scene.obscurance.live_preview = True
+    at(1)
+    with counted(monkeypatch) as reports:
+        for i, frame in enumerate((4, 7, 10), 1):
+            at(frame)
+            ours = colors(room["Floor"])
+            assert all(any(np.array_equal(v, past["Floor"][j]) for past in full[: i + 1]) for j, v in enumerate(ours))
+            assert np.array_equal(colors(room["Mover"]), full[i]["Mover"])
+    assert all(6 < report.patches < 64 for report in reports)
+
+
 def test_settings_that_change_are_followed(preview, empty_scene):
     empty_scene.obscurance.use_bleeding = False
     at(2)

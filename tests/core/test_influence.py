@@ -12,6 +12,7 @@ from obscurance_addon.core.influence import IncrementalBake
 from obscurance_addon.core.settings import BakeSettings
 
 from .changing_scenes import assert_equals_full_bake, furniture, objects_of, scene_object, turned
+from .scenes import box, floor, grid
 
 SETTINGS = BakeSettings(16, distance=0.2, threads=2)
 

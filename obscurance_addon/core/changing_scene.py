@@ -161,6 +161,7 @@ class ChangingScene:
     def _change_presence(self, change: Change) -> None:
         """Let objects enter and leave that are in reach of a patch now or no more, as `build_scene` has it."""
         wanted = boxes_in_reach(self.table.traced, self.table.corner_box(), self._held.d_max)
+        wanted &= np.isfinite(self.table.traced[0]).all(-1)  # even where d_max is infinite
         for row in np.flatnonzero(wanted != self.table.present):
             state = self.table.states[row]
             if self.table.present[row]:

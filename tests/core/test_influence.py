@@ -90,10 +90,11 @@ def test_objects_that_nobody_expected_to_move():
     wander(meshes, bake, SETTINGS, [*list(meshes)[1:], "room"], 14, np.random.default_rng(3), size=0.05)
 
 
+@pytest.mark.parametrize("distance", [0.2, np.inf])
 @pytest.mark.parametrize("falloff", [Falloff.CBRT, Falloff.STEP])
-def test_coming_and_going(falloff):
+def test_coming_and_going(falloff, distance):
     """Objects vanish and appear, movers or not, several at once, and those of other shape under the same name."""
-    settings, rng = replace(SETTINGS, falloff=falloff), np.random.default_rng(4)
+    settings, rng = replace(SETTINGS, falloff=falloff, distance=distance), np.random.default_rng(4)
     meshes, bake = start(settings)
     everything = objects_of(meshes)
     for _ in range(16):

@@ -154,6 +154,8 @@ class ChangingScene:
         self.table.refresh(state)
         if self.table.present[state.row]:
             self.layers.recolour(state)
+            if state.row in self._static:
+                self.cache.forget_sums()
             if needs_palette(self._settings):
                 change.recoloured.add(state.row)
                 change.boxes.append(state.box)

@@ -1,4 +1,8 @@
-"""First hits of rays among what stands still, kept from one update to the next: 8 bytes a ray."""
+"""First hits of rays among what stands still, kept from one update to the next: 8 bytes a ray.
+
+Behind the rays of each cell there is room for what they add up to, so that a cell none of whose rays meets a mover need
+not be weighed again. These sums come from one pass over the rays in single precision, which holds them exactly.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 RAY_BYTES = 8
+SUMS = 6  # numbers that a cell adds up to; each takes the room of a ray
 NO_SLOT = -1
 NEVER = -2  # instead of a slot: rays of the cell pass through doubled faces, what they meet behind depends on movers
+_UNKNOWN = -3  # negative codes below that of a miss
 _FIRST_RAYS = 1 << 16  # room made at first; it doubles whenever it is used up
 _WASTE = 0.25  # share of a full pool that must be of no more use before all of it is given up
 
@@ -51,6 +57,7 @@ class HitCache:
         self._distance, self._code = np.empty(0, np.float32), np.empty(0, np.int32)
         self._used = self._wasted = 0
         self.is_full = False
+        self._known = _UNKNOWN - 1  # code behind the rays of cells whose sums are those of the present colours
 
     @property
     def bytes(self) -> int:
@@ -64,6 +71,7 @@ class HitCache:
 
     def reserve(self, counts: np.ndarray) -> np.ndarray:
         """Slots (m,) int64 for cells with so many rays each, (m,) int; NO_SLOT for those that no room is left for."""
+        counts = counts + SUMS
         end = self._used + np.cumsum(counts)
         fits = end <= self._ceiling
         self.is_full |= not fits.all()
@@ -77,17 +85,36 @@ class HitCache:
         """That many of the rays kept are of no more use."""
         self._wasted += rays
 
+    def forget_sums(self) -> None:
+        """What stands still has other colours."""
+        self._known -= 1
+
     def write(self, slots: np.ndarray, hits: KeptHits) -> None:
         """Keep the hits of cells with slots (m,), of the same number of rays each."""
-        at = _places(slots, len(hits.distance) // len(slots))
+        n = len(hits.distance) // len(slots)
+        at = _places(slots, n)
         self._distance[at] = hits.distance
         self._code[at] = 2 * hits.triangle + hits.inside
+        self._code[slots + n] = _UNKNOWN
 
     def read(self, slots: np.ndarray, n: int) -> KeptHits:
         """What was kept for cells with slots (m,) and n rays each."""
         at = _places(slots, n)
         code = self._code[at]
         return KeptHits(self._distance[at], code >> 1, (code & 1).astype(bool))
+
+    def distances(self, slots: np.ndarray, n: int) -> np.ndarray:
+        """Only the distances of `read`."""
+        return self._distance[_places(slots, n)]
+
+    def write_sums(self, slots: np.ndarray, n: int, sums: np.ndarray) -> None:
+        """Keep the sums (SUMS, m) of cells with slots (m,) and n rays each, with the present colours."""
+        self._distance[_places(slots + n, SUMS)] = sums.T.ravel()
+        self._code[slots + n] = self._known
+
+    def read_sums(self, slots: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """Which cells with slots (m,) have sums, (m,) bool, and the sums (SUMS, m) of all, void for the others."""
+        return self._code[slots + n] == self._known, self._distance[_places(slots + n, SUMS)].reshape(-1, SUMS).T
 
     def places_of(self, first: int, end: int) -> np.ndarray:
         """Places (k,) int, ascending, of all rays that hit one of the triangles `first` .. `end` - 1."""

@@ -71,7 +71,8 @@ def is_within(boxes: np.ndarray, reach: np.ndarray, others: list[np.ndarray]) ->
 def is_behind(cells: Cells, at: np.ndarray, box: np.ndarray) -> np.ndarray:
     """(m,) bool: whether all of the box (2, 3) is below the planes of the cells `at` (m,), where no ray goes."""
     frames = cells.frames[at].astype(np.float64)
-    centre, half = 0.5 * (box[0] + box[1]), 0.5 * (box[1] - box[0])
+    with np.errstate(invalid="ignore"):  # what has no box is behind nothing
+        centre, half = 0.5 * (box[0] + box[1]), 0.5 * (box[1] - box[0])
     normal, from_cell = frames[:, 2, 3:], centre - frames[:, 2, :3]
     height = np.einsum("ij,ij->i", normal, from_cell) + np.abs(normal) @ half  # of its highest corner over the origins
     distance = np.abs(from_cell).sum(1) + half.sum()

@@ -15,8 +15,12 @@ from .patch_samples import TABLE_ROWS
 from .ray_casting import MISS, Hits
 from .settings import BakeSettings
 from .traced_scene import TracedScene
+from .workers import second_hand
 
-_BLOCK_RAYS = 16384  # per task: updates have few rays, of which every thread should get some
+_BLOCK_RAYS = 16384  # per task
+# Of fewer rays, and of those whose static hits are known, most time goes into short steps of numpy, which threads only
+# make longer by handing the interpreter lock to and fro.
+_ALONE_RAYS = 1 << 16
 
 
 class _Mode(enum.Enum):
@@ -98,6 +102,8 @@ class LayeredCaster(Caster):
         self._may_keep = may_keep
         self._far_of_cell = np.zeros(len(scene.cells.patch))
         self._mode, self._unbounded = _Mode.IN_FULL, False
+        self._threads = self.samples.threads
+        self._helper = second_hand() if self._threads > 1 else None
 
     def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
         self._unbounded, slots = unbounded, self.slots[int(unbounded)]
@@ -110,6 +116,8 @@ class LayeredCaster(Caster):
         self.cached += int(count[cells[known]].sum())
         for mode, group in ((_Mode.CACHED, known), (_Mode.TO_KEEP, to_keep), (_Mode.IN_FULL, ~known & ~to_keep)):
             self._mode = mode
+            alone = mode is _Mode.CACHED or count[cells[group]].sum() < _ALONE_RAYS
+            self.samples.threads = 1 if alone else self._threads
             super().cast(cells[group], unbounded)
         self._cache.waste(int(count[keep[slots[keep] == NEVER]].sum()))
         if unbounded:
@@ -124,6 +132,31 @@ class LayeredCaster(Caster):
         directions, hits = super().probe(cells)
         self.probes[self.scene.cells.patch[cells]] = hits.triangle
         return directions, hits
+
+    def _cast_block(self, cells: np.ndarray, rows: np.ndarray, unbounded: bool) -> None:
+        if self._mode is not _Mode.CACHED or unbounded or self.scene.needs_only_occlusion:
+            super()._cast_block(cells, rows, unbounded)
+            return
+        n, slots = rows.shape[1], self._slots[cells]
+        origins, directions = self.samples.origins(cells, rows), self.samples.directions(cells, rows)
+        moved = nothing(self._cache.distances(slots, n))
+        for layer in self._layers_near(cells):
+            layer.nearer(origins, directions, moved, self._helper)
+        touched = (moved.triangle >= 0).reshape(-1, n).any(1)
+        known, sums = self._cache.read_sums(slots, n)
+        still = known & ~touched
+        self.sums[:, cells[still]] = sums[:, still]
+        rest = np.flatnonzero(~still)
+        if len(rest):
+            rays = (rest[:, None] * n + np.arange(n)).ravel()
+            kept = self._cache.read(slots[rest], n)
+            triangle = moved.triangle[rays]
+            hits = Hits(moved.distance[rays], np.where(triangle >= 0, triangle, kept.triangle), moved.normal[rays])
+            part = cells[rest], origins[rays], directions[rays], self.scene.limit
+            self._weigh(cells[rest], n, hits.distance, hits.triangle, self._finish(*part, hits, kept.inside))
+            new = ~known & ~touched
+            self._cache.write_sums(slots[new], n, self.sums[:, cells[new]])
+        self.progress(len(origins))
 
     def blocked(self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
         if self._mode is _Mode.IN_FULL:
@@ -158,20 +191,34 @@ class LayeredCaster(Caster):
         n = len(origins) // len(cells)
         if self._mode is _Mode.CACHED:
             kept = self._cache.read(self._slots[cells], n)
-            hits = Hits(kept.distance, kept.triangle, np.zeros((len(origins), 3), np.float32))
-            inside = np.flatnonzero(kept.inside)
+            hits, inside = Hits(kept.distance, kept.triangle, np.zeros((len(origins), 3), np.float32)), kept.inside
         else:
-            hits = self._keep(cells, origins, directions, limits)
-            inside = np.zeros(0, np.intp)  # their normals tell
+            hits, inside = self._keep(cells, origins, directions, limits), None  # their normals tell
         for layer in self._layers_near(cells):
             layer.nearer(origins, directions, hits)
-        # Normals of hits from the cache are 0: no face doubles those, and cells that see doubled faces are not kept.
-        pass_doubled_faces(self.scene, cells, n, origins, directions, limit, hits)
+        return hits, self._finish(cells, origins, directions, limit, hits, inside)
+
+    def _finish(
+        self,
+        cells: np.ndarray,
+        origins: np.ndarray,
+        directions: np.ndarray,
+        limit: np.float32,
+        hits: Hits,
+        inside: np.ndarray | None,
+    ) -> np.ndarray | None:
+        """Pass doubled faces, and tell which rays are dropped; `inside` (n,) bool is what the cache tells of that.
+
+        Normals of hits from the cache are 0: no face doubles those, and cells that see doubled faces are not kept.
+        """
+        pass_doubled_faces(self.scene, cells, len(origins) // len(cells), origins, directions, limit, hits)
         if self.scene.solid is None:
-            return hits, None
+            return None
         dropped = starts_inside(self.scene, directions, hits)
-        dropped[inside] |= ~hits.normal[inside].any(1)
-        return hits, dropped
+        if inside is not None:
+            rays = np.flatnonzero(inside)
+            dropped[rays] |= ~hits.normal[rays].any(1)
+        return dropped
 
     def _keep(self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> Hits:
         """First hits among what stands still, which the cache keeps from now on."""

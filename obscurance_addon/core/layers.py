@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 
 from .ray_casting import MISS, Hits, Intersector
 
-_MARGIN = 1e-5  # share of coordinates and distances by which boxes grow: a hundred times the rounding of float32
+_WORTH_HELP = 4096  # rays: fewer are traced before another thread has begun
 
 
 @dataclass(frozen=True)
@@ -21,47 +22,35 @@ class Layer:
     intersector : Intersector
     ids : ndarray, (t,) int32
         Number in the whole scene of each of its triangles.
-    boxes : list of ndarray (2, 3) float64, or None
-        Around all its triangles: only rays towards one of these are traced. None traces all.
+    boxes : list of ndarray (2, 3) float64
+        Around its objects.
     """
 
     intersector: Intersector
     ids: np.ndarray
-    boxes: list[np.ndarray] | None = None
+    boxes: list[np.ndarray]
 
-    def nearer(self, origins: np.ndarray, directions: np.ndarray, hits: Hits) -> np.ndarray:
-        """Overwrite `hits` where rays meet something nearer in this layer; returns the indices (k,) of these rays."""
-        towards = self._towards(origins, directions, hits.distance)
-        found = self.intersector.intersect(origins[towards], directions[towards], hits.distance[towards])
+    def nearer(self, origins: np.ndarray, directions: np.ndarray, hits: Hits, helper: Executor | None = None) -> None:
+        """Overwrite `hits` where rays meet something nearer in this layer; a helper traces half of them meanwhile."""
+        n = len(origins)
+        middle = n if helper is None or n < _WORTH_HELP else n // 2
+        parts = [slice(0, middle)] + [slice(middle, n)] * (middle < n)
+        rays = [(origins[part], directions[part], hits.distance[part].copy()) for part in parts]
+        others = [helper.submit(self.intersector.intersect, *part) for part in rays[1:]]
+        self._enter(parts[0], self.intersector.intersect(*rays[0]), hits)
+        for part, other in zip(parts[1:], others, strict=True):
+            self._enter(part, other.result(), hits)
+
+    def _enter(self, part: slice, found: Hits, hits: Hits) -> None:
         met = np.flatnonzero(found.triangle >= 0)
-        rays = met if self.boxes is None else towards[met]
+        rays = met + part.start
         hits.distance[rays] = found.distance[met]
         hits.triangle[rays] = self.ids[found.triangle[met]]
         hits.normal[rays] = found.normal[met]
-        return rays
 
     def block(self, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray, blocked: np.ndarray) -> None:
         """Enter in `blocked` (n,) bool the rays that meet anything in this layer nearer than their limits (n,)."""
-        towards = self._towards(origins, directions, limits)
-        blocked[towards] |= self.intersector.occluded(origins[towards], directions[towards], np.array(limits[towards]))
-
-    def _towards(self, origins: np.ndarray, directions: np.ndarray, distance: np.ndarray) -> np.ndarray | slice:
-        """Rays that may meet something in this layer."""
-        if self.boxes is None:
-            return slice(None)
-        return np.flatnonzero(np.any([may_meet(box, origins, directions, distance) for box in self.boxes], axis=0))
-
-
-def may_meet(box: np.ndarray, origins: np.ndarray, directions: np.ndarray, distance: np.ndarray) -> np.ndarray:
-    """(n,) bool: rays that come into a box (2, 3), grown by more than float32 can be off, within a distance (n,)."""
-    extent = max(float(np.abs(box).max()), float(origins.max()), -float(origins.min()))
-    low, high = (box + _MARGIN * extent * np.array([[-1.0], [1.0]])).astype(np.float32)
-    with np.errstate(divide="ignore", invalid="ignore"):  # what is not a number along an axis counts as met
-        inverse = np.float32(1.0) / directions
-        one, other = (low - origins) * inverse, (high - origins) * inverse
-        enter, leave = np.minimum(one, other).T, np.maximum(one, other).T
-        enter, leave = np.maximum(np.maximum(*enter[:2]), enter[2]), np.minimum(np.minimum(*leave[:2]), leave[2])
-        return ~((enter > leave) | (leave < 0.0) | (enter > distance * np.float32(1.0 + _MARGIN)))
+        blocked |= self.intersector.occluded(origins, directions, limits.copy())
 
 
 class LayeredIntersector:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -59,7 +58,7 @@ class MovingScene:
             self._write(states)
         self._static = states
         layer = self._layer(states)
-        self.static = None if layer is None else dataclasses.replace(layer, boxes=None)
+        self.static = layer
 
     def set_movers(self, resting: list[ObjectState], changed: list[ObjectState]) -> None:
         """Say what moved before and what moves now."""

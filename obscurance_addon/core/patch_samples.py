@@ -6,7 +6,6 @@ import functools
 import math
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from .ray_allocation import split_rays
 from .sampling import DIRECTION, SCRAMBLES, ray_table
 from .settings import BakeSettings, Sampler
 from .sobol import hash32
+from .workers import workers
 
 BLOCK_RAYS = 32768  # per task: smaller ones pay Python's overhead, larger ones gain nothing and use more memory
 TABLE_ROWS = 1024  # samples of a sequence held at a time, so that memory does not grow with their number
@@ -43,6 +43,8 @@ class PatchSamples:
     ----------
     start, count : ndarray, (c,) int64
         Range of the sequence that each cell reads.
+    threads : int
+        Number of threads that `run` uses.
     """
 
     def __init__(
@@ -61,7 +63,7 @@ class PatchSamples:
         self.scratch = Scratch()
         self._sampler: Sampler = settings.sampler
         self._seed = int(hash32(np.uint32(settings.seed) ^ hash32(np.uint32(replicate))))
-        self._threads = settings.thread_count()
+        self.threads = settings.thread_count()
         self._keeps_tables = keeps_tables
         self._scramble = scramble_of(ids, self._seed)
 
@@ -83,7 +85,7 @@ class PatchSamples:
         total = 0
         start, end = self.start[cells], self.start[cells] + self.count[cells]
         sets, row_of_set = self._point_sets(cells)
-        with ThreadPoolExecutor(self._threads) as pool:
+        with workers(self.threads) as pool:
             for first in range(0, int(end.max()), TABLE_ROWS):
                 low, high = np.maximum(start, first), np.minimum(end, first + TABLE_ROWS)
                 rows = min(TABLE_ROWS, int(end.max()) - first)

@@ -8,13 +8,13 @@ planar or not, are sampled where they really are.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from .errors import GeometryError
 from .sampling import orthonormal_frames
+from .workers import workers
 
 # Rays start this fraction of the largest coordinate of their cell above it, in coordinates centred on the scene: a
 # hundred times the rounding error of float32 positions. docs/theory.md, "Numerical hazards", has the measurements.
@@ -274,7 +274,7 @@ def prepare_cells(patches: Patches, normalisation: Normalisation, threads: int) 
         frame[:, :, 3:] = orthonormal_frames(normal.T)
         return usable, frame, offset.astype(np.float32), 0.5 * double_area
 
-    with ThreadPoolExecutor(threads) as pool:
+    with workers(threads) as pool:
         parts = pool.map(prepare, slices(max(len(patches.corners), 1)))
         kept, frames, offset, cell_area = map(np.concatenate, zip(*parts, strict=True))
     patch = np.asarray(patches.patch, np.int64)[kept]

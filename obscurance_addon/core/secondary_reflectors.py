@@ -12,7 +12,6 @@ farther away, of the kernel cos cos / (pi r^2) between two points that see each 
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +27,7 @@ from .sampling import BELOW_ONE, sample_cosine_hemisphere, sample_triangle, unit
 from .settings import BakeSettings
 from .shares import ascending_ends, pick
 from .sobol import hash32
+from .workers import workers
 
 MAX_OTHER_RECEIVERS = 4096  # patches that are not baked count only in a sum, for which a sample is enough
 
@@ -88,7 +88,7 @@ def redistribute(
     per_block = max(1, _BLOCK_PAIRS // (_SAMPLES[0][1] * len(reflectors)))
     blocks = [receivers[at : at + per_block] for at in range(0, len(receivers), per_block)]
     parts, rays = [], 0
-    with ThreadPoolExecutor(settings.thread_count()) as pool:
+    with workers(settings.thread_count()) as pool:
         for block, (part, cast) in zip(blocks, pool.map(pairs.gather, blocks), strict=True):
             parts.append(part)
             rays += cast

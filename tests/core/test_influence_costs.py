@@ -9,6 +9,7 @@ import pytest
 
 from obscurance_addon.core.embree import EmbreeIntersector
 from obscurance_addon.core.errors import BakeCancelledError, GeometryError, ObscuranceError
+from obscurance_addon.core.hit_cache import SUMS
 from obscurance_addon.core.influence import IncrementalBake
 from obscurance_addon.core.monitor import Monitor
 from obscurance_addon.core.scene_objects import SceneObject
@@ -65,7 +66,7 @@ def test_the_cache_holds_eight_bytes_a_ray_of_what_was_in_reach():
     first = lift(bake, 0.1, 0, -0.2)
     of_floor = first.patches - CUBE.faces
     assert 0 < of_floor < 100
-    assert bake.cache_bytes == 8 * SETTINGS.rays * of_floor
+    assert bake.cache_bytes == 8 * (SETTINGS.rays + 2 * SUMS) * of_floor  # two cells in each of its patches
     again = lift(bake, 0.1, 0, -0.19)
     assert again.cached == SETTINGS.rays * (again.patches - CUBE.faces) > 0
 

@@ -1,0 +1,28 @@
+"""Threads to work in."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
+
+
+@contextmanager
+def workers(threads: int) -> Iterator[Executor]:
+    """An executor with so many threads for as long as the block lasts; one thread is the caller's own."""
+    with ThreadPoolExecutor(threads) if threads > 1 else _Alone() as executor:
+        yield executor
+
+
+class _Alone(Executor):
+    """Does what it is given at once."""
+
+    def map(self, function: Callable, *iterables: Iterable) -> Iterator:  # the one method that is used here
+        return map(function, *iterables)
+
+
+@functools.cache
+def second_hand() -> Executor:
+    """One thread that is always there, for work too short to begin a thread for."""
+    return ThreadPoolExecutor(1, thread_name_prefix="obscurance-trace")

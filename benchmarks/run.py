@@ -17,6 +17,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import animation_table
 import light_table
 import lightmap_table
 import table
@@ -28,7 +29,7 @@ LIGHTMAP_PLOT = HERE.parent / "docs" / "images" / "lightmap_error.svg"
 SCALING_SIZES = (10_000, 31_684, 100_489, 315_844, 1_000_000)  # faces of square grids, half a decade apart
 STREAMS_FACES, STREAMS_RAYS = 31_684, (16, 64, 1024, 4096)
 MEMORY_SIZE = 8192  # of a lightmap
-NAMES = ("trace_rate", "whole_bake", "scaling", "streams", "cycles_ao", "light_error", "lightmap")
+NAMES = ("trace_rate", "whole_bake", "scaling", "streams", "cycles_ao", "light_error", "lightmap", "animation")
 
 
 def main() -> None:
@@ -62,7 +63,9 @@ def main() -> None:
 
 def _write_pages() -> None:
     pages = {
-        HERE / "README.md": table.text(RESULTS, {"lightmap": lightmap_table.section}),
+        HERE / "README.md": table.text(
+            RESULTS, {"lightmap": lightmap_table.section, "animation": animation_table.section}
+        ),
         LIGHT_PAGE: light_table.text(RESULTS),
     }
     if (RESULTS / "lightmap.json").is_file():

@@ -16,7 +16,7 @@ from ..core.errors import ObscuranceError
 from .bake_arrays import shade
 from .mesh_arrays import MeshArrays, read_mesh, same_faces
 from .scene_geometry import BakedObject, SceneSnapshot
-from .scene_reader import ObjectSnapshot, SceneReader, instance_key
+from .scene_reader import ObjectSnapshot, SceneReader, instance_key, materials_of
 
 # Kinds of data whose change may change how any object looks.
 _LOOKS = (bpy.types.Material, bpy.types.NodeTree, bpy.types.Image, bpy.types.Texture)
@@ -54,6 +54,7 @@ class SceneChanges:
         }
         self.known.update({ob.key: Change(ob, None) for ob in snapshot.occluders})
         self._evaluated: set[int] = set()
+        self._shaded: set[int] = set()
         self._all = True
 
     def distrust(self) -> None:
@@ -65,8 +66,10 @@ class SceneChanges:
         for update in depsgraph.updates:
             if isinstance(update.id, _LOOKS):
                 self._all = True
-            elif update.is_updated_geometry or update.is_updated_shading:
+            elif update.is_updated_geometry:
                 self._evaluated.add(update.id.original.session_uid)
+            elif update.is_updated_shading:  # so is all that an animation moves
+                self._shaded.add(update.id.original.session_uid)
 
     def find(
         self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, everything: bool = False
@@ -94,6 +97,7 @@ class SceneChanges:
         changed.update({key: None for key in self.known if key not in now})
         self.known = now
         self._evaluated.clear()
+        self._shaded.clear()
         self._all = False
         return changed
 
@@ -109,6 +113,8 @@ class SceneChanges:
         matrix = np.array(instance.matrix_world, np.float64)
         uids = {ob.original.session_uid, ob.data.original.session_uid}
         if old is not None and not everything and not uids & self._evaluated:
+            if uids & self._shaded and materials_of(ob) != old.snapshot.materials:
+                return _moved(old, replace(reader.read(instance), mesh=old.snapshot.mesh))
             if np.array_equal(matrix, old.snapshot.matrix):
                 return old
             return _moved(old, replace(old.snapshot, matrix=matrix))

@@ -28,6 +28,7 @@ class ObjectSnapshot:
     matrix: np.ndarray  # (4, 4) float64, local to world
     shadings: list[Shading]  # one for each material slot, the last one for faces without material
     surface: SurfaceArrays
+    materials: tuple[int, ...] = ()  # session uids, one for each material slot
 
 
 class SceneReader:
@@ -68,8 +69,7 @@ class SceneReader:
             return None
         if self._lights is not None:
             self._lights.note_linking(ob)
-        shadings = [self._shading(slot.material) for slot in ob.material_slots]
-        shadings.append(self._shading(None))
+        shadings = [*(self._shading(slot.material) for slot in ob.material_slots), self._shading(None)]
         key = ob.data.as_pointer()
         surface_key = (key, *map(id, shadings))
         if surface_key not in self._surfaces:
@@ -81,8 +81,10 @@ class SceneReader:
             self._surfaces[surface_key] = read_surface(mesh, shadings, self.baked_layers)
             ob.to_mesh_clear()
         matrix = np.array(instance.matrix_world, np.float64)
-        mesh = self._meshes[key]
-        return ObjectSnapshot(instance_key(instance), ob.name, mesh, matrix, shadings, self._surfaces[surface_key])
+        surface = self._surfaces[surface_key]
+        return ObjectSnapshot(
+            instance_key(instance), ob.name, self._meshes[key], matrix, shadings, surface, materials_of(ob)
+        )
 
     def shows(self, instance: bpy.types.DepsgraphObjectInstance) -> bool:
         """Whether an instance is a mesh with faces that is visible in the viewport and in renders."""
@@ -178,6 +180,11 @@ def instance_key(instance: bpy.types.DepsgraphObjectInstance) -> Hashable:
     if not instance.is_instance:
         return uid
     return instance.parent.original.session_uid, uid, tuple(instance.persistent_id)
+
+
+def materials_of(ob: bpy.types.Object) -> tuple[int, ...]:
+    """Session uid of the material in each slot, 0 for none."""
+    return tuple(slot.material.original.session_uid if slot.material else 0 for slot in ob.material_slots)
 
 
 def _has_volume(slot: bpy.types.MaterialSlot) -> bool:

@@ -118,6 +118,7 @@ class LayeredCaster(Caster):
             self._mode = mode
             alone = mode is _Mode.CACHED or count[cells[group]].sum() < _ALONE_RAYS
             self.samples.threads = 1 if alone else self._threads
+            self.scene.intersector.helper = self._helper if alone else None
             super().cast(cells[group], unbounded)
         self._cache.waste(int(count[keep[slots[keep] == NEVER]].sum()))
         if unbounded:
@@ -148,15 +149,16 @@ class LayeredCaster(Caster):
         self.sums[:, cells[still]] = sums[:, still]
         rest = np.flatnonzero(~still)
         if len(rest):
-            rays = (rest[:, None] * n + np.arange(n)).ravel()
+            origins, directions, distance, triangle, normal = (
+                _rays_of(rest, n, rays) for rays in (origins, directions, moved.distance, moved.triangle, moved.normal)
+            )
             kept = self._cache.read(slots[rest], n)
-            triangle = moved.triangle[rays]
-            hits = Hits(moved.distance[rays], np.where(triangle >= 0, triangle, kept.triangle), moved.normal[rays])
-            part = cells[rest], origins[rays], directions[rays], self.scene.limit
-            self._weigh(cells[rest], n, hits.distance, hits.triangle, self._finish(*part, hits, kept.inside))
+            hits = Hits(distance, np.where(triangle >= 0, triangle, kept.triangle), normal)
+            dropped = self._finish(cells[rest], origins, directions, self.scene.limit, hits, kept.inside)
+            self._weigh(cells[rest], n, hits.distance, hits.triangle, dropped)
             new = ~known & ~touched
             self._cache.write_sums(slots[new], n, self.sums[:, cells[new]])
-        self.progress(len(origins))
+        self.progress(len(cells) * n)
 
     def blocked(self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
         if self._mode is _Mode.IN_FULL:
@@ -238,3 +240,8 @@ class LayeredCaster(Caster):
             return [moving.layer for moving in self._moving]
         patch = self.scene.cells.patch[cells]
         return [moving.layer for moving in self._moving if moving.is_near[patch].any()]
+
+
+def _rays_of(cells: np.ndarray, n: int, rays: np.ndarray) -> np.ndarray:
+    """Those of n rays each, (m n, ...), that belong to some of m cells, (k,) int."""
+    return rays.reshape(-1, n, *rays.shape[1:]).take(cells, axis=0).reshape(-1, *rays.shape[1:])

@@ -59,15 +59,21 @@ class LayeredIntersector:
     It gives the distance, bit for bit, that one ray tracer over all of them would give, for a hit depends on nothing
     but the ray and the triangle. Where two triangles are met at exactly the same distance either may be told, as with
     one ray tracer.
+
+    Attributes
+    ----------
+    helper : Executor or None
+        Traces half of the rays of each call.
     """
 
     def __init__(self, layers: Sequence[Layer]) -> None:
         self.layers = layers
+        self.helper: Executor | None = None
 
     def intersect(self, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> Hits:
         hits = nothing(limits)
         for layer in self.layers:
-            layer.nearer(origins, directions, hits)
+            layer.nearer(origins, directions, hits, self.helper)
         return hits
 
     def occluded(self, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:

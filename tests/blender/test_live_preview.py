@@ -409,6 +409,21 @@ def test_a_material_that_is_replaced_is_seen(preview):
     assert_as_baked_anew(preview.values())
 
 
+def test_a_slot_that_takes_the_material_of_the_object_is_seen(preview):
+    """While the object moves, too: then the depsgraph says the same of both."""
+    slot = preview["Mover"].material_slots[0]
+    slot.link = "OBJECT"
+    slot.material = material("Blue", (0.1, 0.1, 0.9))
+    at(2)
+    slot.link = "DATA"
+    preview["Mover"].location.x += 0.2
+    at(3)
+    assert_as_baked_anew(preview.values())
+    slot.link = "OBJECT"
+    at(4)
+    assert_as_baked_anew(preview.values())
+
+
 def test_frames_of_the_updater_name_their_errors(room):
     with pytest.raises(ObscuranceError, match="no mesh object with faces"):
         frame_update.FrameUpdater(

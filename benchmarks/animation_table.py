@@ -58,7 +58,7 @@ def _table(rows: list[dict]) -> str:
         )
     moving = rows[0]["moving"]
     return (
-        f"### Table 1 of the paper\n\nA cube of {moving} patches moves through 60 frames; colour bleeding, square root, "
+        f"### Table 1 of the paper\n\nA cube of {moving} patches moves through 60 frames; bleeding, square root, "
         "automatic distance. The paper has no moving object in Infinite; here it is a cube a tenth of the scene wide. "
         "Full: all patches, by the core alone with its error estimate, and by the operator with reading and writing. "
         "Updates a second: in the first pass through the frames, in which what stands still is traced wherever the "
@@ -104,8 +104,8 @@ def _tiles(rows: list[dict]) -> str:
     ]
     growth = [against(after / before, GROWTH_AIM, ".3f", at_least=False) for before, after in (cores, frames)]
     return (
-        "### The same mover in a small and in a large scene\n\nBumpy tiles of 4,096 faces, 64 rays a face, distance 1 "
-        "m; the cube moves above the same tile, after a first pass through its frames.\n\n"
+        "### The same mover in a small and in a large scene\n\nBumpy tiles of 4,096 faces, 64 rays each, "
+        "distance 1 m; the cube moves above the same tile, after a first pass through its frames.\n\n"
         + markdown_table(
             [
                 "patches",
@@ -120,8 +120,8 @@ def _tiles(rows: list[dict]) -> str:
             ],
             lines,
         )
-        + f"Four times the scene costs {growth[0]} times as much by the core alone, {growth[1]} times by `frame_set`; at "
-        f"most {GROWTH_AIM:g} is the aim.\n\n"
+        + f"Four times the scene costs {growth[0]} times as much by the core alone, {growth[1]} times by `frame_set`; "
+        f"at most {GROWTH_AIM:g} is the aim.\n\n"
     )
 
 
@@ -142,7 +142,7 @@ def _list(rows: list[dict]) -> str:
                 ]
             )
     return (
-        f"### The list of 2003 beside the exact update\n\n{rows[0]['rays_per_patch']} rays a patch, the cube through 60 "
+        f"### The list of 2003 beside the exact update\n\n{rows[0]['rays_per_patch']} rays each, the cube through 60 "
         "frames. Wrong: patches whose value differs from that of a full bake, over all frames, beside how many changed "
         "from one frame to the next. Stale: how far the worst is off, where an open patch is 1.\n\n"
         + markdown_table(["scene", "mode", "wrong", "stale", "patches", "rays", "update, core"], lines)

@@ -117,7 +117,7 @@ class LayeredCaster(Caster):
         for mode, group in ((_Mode.CACHED, known), (_Mode.TO_KEEP, to_keep), (_Mode.IN_FULL, ~known & ~to_keep)):
             self._mode = mode
             alone = mode is _Mode.CACHED or count[cells[group]].sum() < _ALONE_RAYS
-            self.samples.threads = 1 if alone else self._threads
+            self.samples.threads = 0 if alone else self._threads
             self.scene.intersector.helper = self._helper if alone else None
             super().cast(cells[group], unbounded)
         self._cache.waste(int(count[keep[slots[keep] == NEVER]].sum()))

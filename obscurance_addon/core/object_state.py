@@ -66,7 +66,7 @@ class ObjectState:
         self.usable = np.flatnonzero(usable_triangles(vertices, surfaces.triangles))
         self.box = _grown(_box_around(vertices[surfaces.triangles[self.usable]]))
         self.is_solid = bool(surfaces.solid[self.usable].any())
-        self.cells = prepare_cells(patches, normalisation, 1)
+        self.cells = prepare_cells(patches, normalisation, threads=0)
         self.patch_boxes = _patch_boxes(self.cells, len(patches))
         self.slots = np.full((2, len(self.cells.patch)), NO_SLOT, np.int64)
         self.sums = ObscuranceSums(np.zeros((len(patches), 4)), np.zeros(len(patches)), np.zeros(len(patches)), 0)

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 
 @contextmanager
 def workers(threads: int) -> Iterator[Executor]:
-    """An executor with so many threads for as long as the block lasts; one thread is the caller's own."""
-    with ThreadPoolExecutor(threads) if threads > 1 else _Alone() as executor:
+    """An executor with so many threads for as long as the block lasts; 0 is the caller's own."""
+    with ThreadPoolExecutor(threads) if threads else _Alone() as executor:
         yield executor
 
 

@@ -192,6 +192,7 @@ def _bake_frames(
     folder = frame_cache(options, output).resolve()
     if options.export is not None:
         check_format(options.export)
+    context.scene.obscurance.live_preview = False  # until the cache is there to be played
     frames, began, told = FrameRange(*options.frames, folder), time.perf_counter(), []
 
     def tell(frame: int, report) -> None:

@@ -40,6 +40,14 @@ TRACERS = IntersectorCache()  # while a user tries settings, the geometry stays
 _OPEN: weakref.WeakSet[BakeJob] = weakref.WeakSet()  # jobs that still may write
 
 
+_committed = 0
+
+
+def commit_count() -> int:
+    """Number of bakes whose results were written since Blender began."""
+    return _committed
+
+
 def is_baking() -> bool:
     """Whether a bake is under way, so that nothing else should write values."""
     return any(job.is_open for job in _OPEN)
@@ -85,7 +93,7 @@ class BakeJob:
         self._warnings: list[str] = []
         writable = writable_objects(objects, self._warnings)
         check_destination(writable, output, lightmap)
-        self._snapshot = snapshot = snapshot_scene(
+        self.snapshot = snapshot = snapshot_scene(
             context,
             writable,
             needs_rest=output.target in {Target.CORNER, Target.POINT},
@@ -115,7 +123,7 @@ class BakeJob:
             self._bake.compute(self._monitor, TRACERS)
             self._done = True
         except GeometryError as error:
-            names = ", ".join(f"'{baked.snapshot.name}'" for baked in self._snapshot.baked[:_NAMES_IN_ERRORS])
+            names = ", ".join(f"'{baked.snapshot.name}'" for baked in self.snapshot.baked[:_NAMES_IN_ERRORS])
             self._error = GeometryError(f"{names}: {error}")
         except BaseException as error:  # handed to the thread that steps the job
             self._error = error
@@ -174,10 +182,12 @@ class BakeJob:
         AttributeNameError
             When an attribute cannot be made.
         """
+        global _committed
         try:
             report = self._bake.write()
         finally:
             self.is_open = False
+            _committed += 1
         return replace(
             report,
             seconds={**report.seconds, "extract": report.seconds["extract"] + self._extract_seconds},

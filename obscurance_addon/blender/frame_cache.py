@@ -93,25 +93,30 @@ class FrameCache:
         """Write all values next time, whatever was written before."""
         self._shown: dict[str, int] = {}
 
-    def show(self, frame: int) -> list[str]:
-        """Write the values of a frame into the meshes of the current scene; the names of the objects that changed.
+    def show(self, frame: int) -> tuple[list[str], list[str]]:
+        """Write the values of a frame into the meshes of the current scene.
+
+        Returns
+        -------
+        changed, missing : list of str
+            Names of objects that got other values, and of those that the scene does not have.
 
         Raises
         ------
         FrameCacheError
             When an object has other faces than the cache.
         """
-        wanted = {}
+        wanted, objects = {}, bpy.context.view_layer.objects
         for name, frames in self._objects.items():
             at = bisect_right(frames, frame)
-            if at and name in bpy.context.view_layer.objects and self._shown.get(name) != frames[at - 1]:
+            if at and name in objects and self._shown.get(name) != frames[at - 1]:
                 wanted[name] = frames[at - 1]
         for stored in sorted(set(wanted.values())):
             values = self._load(stored)
             for name in (name for name, at in wanted.items() if at == stored):
                 self._write(bpy.context.view_layer.objects[name], values[name])
                 self._shown[name] = stored
-        return list(wanted)
+        return list(wanted), [name for name in self._objects if name not in objects]
 
     def _load(self, frame: int) -> dict[str, np.ndarray]:
         path = self.folder / _name(frame)

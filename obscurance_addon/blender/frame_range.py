@@ -15,7 +15,8 @@ from ..core.settings import BakeSettings
 from ..core.update_results import UpdateMode
 from .baked_record import what_is_stored
 from .frame_cache import FrameCache, FrameCacheWriter
-from .frame_update import FrameReport, FrameUpdater, FullUpdater
+from .frame_update import FrameReport, FrameUpdater
+from .full_update import FullUpdater
 from .output_settings import OutputSettings
 
 

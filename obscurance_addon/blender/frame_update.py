@@ -13,7 +13,6 @@ from __future__ import annotations
 import time
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import bpy
 import numpy as np
@@ -21,13 +20,12 @@ import numpy as np
 from ..core.errors import ObscuranceError
 from ..core.influence import IncrementalBake
 from ..core.influence_list import ListBake
-from ..core.light_settings import LightSettings
 from ..core.monitor import Monitor
 from ..core.scene_building import Held
 from ..core.scene_objects import SceneObject
 from ..core.settings import BakeSettings
 from ..core.update_results import UpdateMode
-from .bake_job import BakeJob, check_destination, writable_objects
+from .bake_job import check_destination, writable_objects
 from .object_arrays import ObjectArrays
 from .output_settings import OutputSettings, Scale, Target
 from .render_visibility import rendered_meshes
@@ -155,6 +153,10 @@ class FrameUpdater:
         """Remember what the depsgraph evaluated anew; called for every evaluation between two updates."""
         self.changes.note(depsgraph)
 
+    def distrust(self) -> None:
+        """Compare everything next time."""
+        self.changes.distrust()
+
     def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, rewrite: bool = False) -> FrameReport:
         """Follow what changed in the scene since the last time, and write the new values.
 
@@ -210,56 +212,6 @@ class FrameUpdater:
         is_white = self._output.scale is Scale.WHITE
         colours = self._bake.white(key) if is_white else self._bake.values(key).coloured
         return colours[self._elements[key]]
-
-
-class FullUpdater:
-    """Bakes everything anew at every update, for quantities in which one change reaches the whole scene.
-
-    Parameters as for `BakeJob`.
-    """
-
-    cache_is_full = False
-    notes: ClassVar[list[str]] = []
-
-    def __init__(
-        self,
-        objects: Iterable[bpy.types.Object],
-        settings: BakeSettings,
-        output: OutputSettings,
-        light: LightSettings,
-    ) -> None:
-        self._uids = {ob.session_uid for ob in objects}
-        self._settings, self._output, self._light = settings, output, light
-        self._written: set[int] = set()
-
-    def update(
-        self, context: bpy.types.Context, _depsgraph: bpy.types.Depsgraph | None = None, rewrite: bool = True
-    ) -> FrameReport:
-        """Bake and write everything; parameters as for `FrameUpdater.update`."""
-        began = time.perf_counter()
-        objects = [ob for ob in context.view_layer.objects if ob.session_uid in self._uids]
-        report = BakeJob(context, objects, self._settings, self._output, self._light).run()
-        self._written = {ob.session_uid for ob in objects} | {ob.data.session_uid for ob in objects}
-        return FrameReport(
-            patches=report.patches,
-            all_patches=report.patches,
-            rays=report.rays,
-            cached_rays=0,
-            seconds=time.perf_counter() - began,
-            full=f"{self._light.quantity.value.lower()} light reaches the whole scene",
-            objects=report.objects,
-        )
-
-    def note(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Nothing need be remembered."""
-
-    def caused(self, depsgraph: bpy.types.Depsgraph) -> bool:
-        """Whether what the depsgraph evaluated again is but what the last update wrote."""
-        uids = {update.id.original.session_uid for update in depsgraph.updates}
-        is_own = bool(uids) and uids <= self._written
-        if is_own:
-            self._written = set()
-        return is_own
 
 
 def objects_over_time(context: bpy.types.Context) -> list[bpy.types.Object]:

@@ -8,26 +8,27 @@ and session uids, so that undo, deletion and loading cannot leave a reference be
 from __future__ import annotations
 
 import logging
-import threading
 import time
 
 import bpy
 
-from ..core.errors import BakeCancelledError, ObscuranceError
-from ..core.light_settings import LightSettings, Quantity
+from ..core.errors import ObscuranceError
+from ..core.light_settings import LightSettings
 from ..core.settings import BakeSettings
 from ..core.update_results import UpdateMode
-from .bake_job import is_baking
+from . import status_line
+from .bake_job import commit_count, is_baking
 from .baked_record import is_own_color
+from .first_bake import FirstBake
 from .frame_cache import FrameCache
-from .frame_update import FrameReport, FrameUpdater, FullUpdater, objects_over_time
-from .job_monitor import JobMonitor
+from .frame_update import FrameReport, FrameUpdater, objects_over_time
+from .full_update import FullUpdater
 from .output_settings import OutputSettings, Target
+from .scene_reader import names_of
 
 _SETTLED_S = 0.15  # without a change before an edit is followed
 _POLL_S = 0.05
 _BUSY_S = 0.5  # until the next look while something else works on the scene
-_TOLD_S = 6.0  # for which the status line says something
 
 _log = logging.getLogger(__name__)
 
@@ -48,9 +49,11 @@ class LivePreview:
     def _forget(self) -> None:
         self._updater: FrameUpdater | FullUpdater | None = None
         self._asked: tuple | None = None  # what the updater was made for
-        self._starting: _Start | None = None
+        self._starting: FirstBake | None = None
         self._cache: FrameCache | None = None
+        self._broken_cache = ""
         self._rewrite = False
+        self._commits = commit_count()
         self._busy = False
         self._told: set[str] = set()
         self._changed_at = 0.0
@@ -61,7 +64,8 @@ class LivePreview:
             self._starting.cancel()
         self._forget()
         self.status = ""
-        for function in (_settle, _poll, _clear_status_line):
+        status_line.clear()
+        for function in (_settle, _poll):
             if bpy.app.timers.is_registered(function):
                 bpy.app.timers.unregister(function)
 
@@ -70,17 +74,19 @@ class LivePreview:
         self._rewrite = True
         if self._cache is not None:
             self._cache.forget_shown()
-        if isinstance(self._updater, FrameUpdater):
-            self._updater.changes.distrust()
+        if self._updater is not None:
+            self._updater.distrust()
 
     def on_frame(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """A frame was set; the only place from where values are written within a frame."""
         if not self._follows(scene) or (depsgraph.mode == "RENDER" and scene.frame_subframe != 0.0):
             return
-        if isinstance(self._updater, FrameUpdater) and depsgraph.mode == "VIEWPORT":
-            self._updater.changes.note(depsgraph)
-        in_window = not bpy.app.background and threading.current_thread() is threading.main_thread()
-        if in_window and self._updater is None and not self._is_cached(scene):
+        if self._updater is not None and depsgraph.mode == "VIEWPORT":
+            self._updater.note(depsgraph)
+        if _in_edit_mode():  # where a mesh can neither be read nor written
+            self.status = "Waiting for Edit Mode to end"
+            return
+        if status_line.has_window() and self._updater is None and not self._is_cached(scene):
             self.on_change(scene, None)
             return
         self._bring_up_to_date(scene, depsgraph)
@@ -89,10 +95,8 @@ class LivePreview:
         """Something changed outside of a frame change: follow it once it settles."""
         if not self._follows(scene):
             return
-        if depsgraph is not None and isinstance(self._updater, FrameUpdater):
-            self._updater.changes.note(depsgraph)
-        elif depsgraph is not None and isinstance(self._updater, FullUpdater) and self._updater.caused(depsgraph):
-            return
+        if depsgraph is not None and self._updater is not None:
+            self._updater.note(depsgraph)
         self._changed_at = time.perf_counter()
         if not bpy.app.background and not bpy.app.timers.is_registered(_settle):
             bpy.app.timers.register(_settle, first_interval=_SETTLED_S)
@@ -122,13 +126,15 @@ class LivePreview:
         """Make the values those of the scene as it is now, within this call."""
         self._busy = True
         try:
+            if self._commits != commit_count():  # by the button, with whatever settings
+                self.distrust()
             if self._show_cached(scene):
                 return
             if depsgraph.mode == "RENDER":  # values belong to the meshes of the viewport, as those of a bake do
                 bpy.context.view_layer.update()  # a render leaves them where they were
                 depsgraph = bpy.context.evaluated_depsgraph_get()
-                if isinstance(self._updater, FrameUpdater):
-                    self._updater.changes.distrust()
+                if self._updater is not None:
+                    self._updater.distrust()
             if not self._is_current(scene):
                 self._start(scene, in_thread=False)
             else:
@@ -141,7 +147,8 @@ class LivePreview:
             raise
         finally:
             self._busy = False
-            _redraw()
+            self._commits = commit_count()
+            status_line.redraw_panels()
 
     def _start(self, scene: bpy.types.Scene, in_thread: bool) -> None:
         """The full bake from which everything is followed."""
@@ -158,7 +165,7 @@ class LivePreview:
                 updater = FrameUpdater(bpy.context, objects, settings, output, memory * (1 << 20), mode)
                 if in_thread:
                     self.status = "Baking once..."
-                    self._starting = _Start(updater)
+                    self._starting = FirstBake(updater)
                     self._asked = asked
                     bpy.app.timers.register(_poll, first_interval=_POLL_S)
                     return
@@ -176,7 +183,7 @@ class LivePreview:
             return None
         if start.is_alive():
             self.status = f"Baking once: {start.progress:.0%}"
-            _redraw()
+            status_line.redraw_panels()
             return _POLL_S
         if is_baking() or _in_edit_mode():
             return _BUSY_S
@@ -190,7 +197,7 @@ class LivePreview:
         self._updater = start.updater
         self.status = "Following the scene"
         self.on_change(bpy.context.scene, None)  # what happened meanwhile
-        _redraw()
+        status_line.redraw_panels()
         return None
 
     def _is_current(self, scene: bpy.types.Scene) -> bool:
@@ -198,10 +205,14 @@ class LivePreview:
 
     def _is_cached(self, scene: bpy.types.Scene) -> bool:
         folder = bpy.path.abspath(scene.obscurance.frame_cache) if scene.obscurance.frame_cache else ""
-        if not folder:
+        if self._cache is not None and str(self._cache.folder) != folder:
             self._cache = None
-        elif self._cache is None or str(self._cache.folder) != folder:
-            self._cache = FrameCache.open(folder)
+        if folder and self._cache is None and folder != self._broken_cache:
+            try:
+                self._cache = FrameCache.open(folder)
+            except ObscuranceError as error:  # then frames are computed
+                self._broken_cache = folder
+                self._tell_once(str(error))
         return self._cache is not None and self._cache.has(scene.frame_current)
 
     def _show_cached(self, scene: bpy.types.Scene) -> bool:
@@ -209,11 +220,13 @@ class LivePreview:
         try:
             if not self._is_cached(scene):
                 return False
-            changed = self._cache.show(scene.frame_current)
+            changed, missing = self._cache.show(scene.frame_current)
         except ObscuranceError as error:
             self._give_up(error)
             return True
         self.status = f"Frame {scene.frame_current} from the cache, {len(changed)} objects changed"
+        if missing:
+            self._tell_once(f"the frame cache has values for {names_of(missing)}, which the scene has not")
         return True
 
     def _tell(self, report: FrameReport) -> None:
@@ -233,11 +246,7 @@ class LivePreview:
             return
         self._told.add(text)
         _log.info("Live Preview: %s", text)
-        if not bpy.app.background and threading.current_thread() is threading.main_thread():
-            for workspace in bpy.data.workspaces:
-                workspace.status_text_set(f"Live Preview: {text}")
-            if not bpy.app.timers.is_registered(_clear_status_line):
-                bpy.app.timers.register(_clear_status_line, first_interval=_TOLD_S)
+        status_line.say(f"Live Preview: {text}")
 
     def _give_up(self, error: ObscuranceError) -> None:
         """Say why there is no preview; it is tried again at the next change."""
@@ -245,39 +254,6 @@ class LivePreview:
         self.status = str(error)
         self._tell_once(str(error))
         _log.warning("Live Preview: %s", error)
-
-
-class _Start:
-    """The first bake, in a thread of its own."""
-
-    def __init__(self, updater: FrameUpdater) -> None:
-        self.updater = updater
-        self._monitor = JobMonitor(Quantity.OBSCURANCE)
-        self._error: BaseException | None = None
-        self._thread = threading.Thread(target=self._run, name="obscurance-preview", daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        try:
-            self.updater.compute(self._monitor)
-        except BaseException as error:  # handed to the main thread
-            self._error = error
-
-    @property
-    def progress(self) -> float:
-        return self._monitor.progress
-
-    def is_alive(self) -> bool:
-        return self._thread.is_alive()
-
-    def cancel(self) -> None:
-        self._monitor.cancelled.set()
-        self._thread.join()
-
-    def check(self) -> None:
-        """Raise what stopped the bake."""
-        if self._error is not None and not isinstance(self._error, BakeCancelledError):
-            raise self._error
 
 
 PREVIEW = LivePreview()
@@ -307,20 +283,3 @@ def _asked_of(scene: bpy.types.Scene) -> tuple[BakeSettings, OutputSettings, Lig
 
 def _in_edit_mode() -> bool:
     return any(mesh.is_editmode for mesh in bpy.data.meshes)
-
-
-def _redraw() -> None:
-    """Have the panels drawn anew, where there are windows and this is their thread."""
-    if bpy.app.background or threading.current_thread() is not threading.main_thread():
-        return
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                for region in area.regions:
-                    if region.type == "UI":
-                        region.tag_redraw()
-
-
-def _clear_status_line() -> None:
-    for workspace in bpy.data.workspaces:
-        workspace.status_text_set(None)

@@ -183,6 +183,24 @@ def test_other_faces_than_those_of_the_cache_are_said(scene, tmp_path):
     assert "'Floor' has other faces" in PREVIEW.status
 
 
+def test_an_object_of_the_cache_that_is_gone_is_said(scene, tmp_path, caplog):
+    out = tmp_path / "out.blend"
+    assert run(scene, "--output", out, "--frames", "1-3", "--quiet") == 0
+    objects = open_file(out)
+    objects["Block"].name = "Renamed"
+    with caplog.at_level("INFO"):
+        bpy.context.scene.frame_set(2)
+        bpy.context.scene.frame_set(3)
+    assert len([r for r in caplog.records if "'Block'" in r.message]) == 1
+
+
+def test_a_file_that_has_live_preview_on_is_baked_once_a_frame(scene, tmp_path, monkeypatch):
+    bpy.context.scene.obscurance.live_preview = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    monkeypatch.setattr("obscurance_addon.blender.live_preview.FrameUpdater", None)
+    assert run(scene, "--output", tmp_path / "o.blend", "--frames", "1-3", "--quiet") == 0
+
+
 def test_beyond_the_cache_frames_are_computed(scene, tmp_path):
     out = tmp_path / "out.blend"
     assert run(scene, "--output", out, "--frames", "1-3", "--quiet") == 0

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from obscurance_addon.blender import frame_update, live_preview
+from obscurance_addon.blender import frame_update, full_update, handlers, live_preview
 from obscurance_addon.blender.live_preview import PREVIEW
 from obscurance_addon.core.errors import ObscuranceError
 
@@ -262,6 +262,43 @@ def test_the_published_list_bakes_less_and_what_it_bakes_is_right(room, empty_sc
     assert all(6 < report.patches < 64 for report in reports)
 
 
+def test_light_is_not_baked_again_while_nothing_changes(room, empty_scene, monkeypatch):
+    empty_scene.obscurance.quantity = "DIRECT"
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    empty_scene.collection.objects.link(lamp)
+    lamp.location = (0, 0, 1.5)
+    empty_scene.obscurance.live_preview = True
+    at(1)
+    with monkeypatch.context() as patch:
+        patch.setattr(full_update, "BakeJob", None)
+        at(2)
+        at(3)
+    room["Floor"].data.vertices[0].co.z = 0.2
+    room["Floor"].data.update()
+    at(4)
+    assert_as_baked_anew(room.values(), quantity="DIRECT")
+
+
+def test_a_bake_by_the_button_with_other_settings_does_not_stay(preview):
+    """Half of one and half of the other would be neither."""
+    before = {name: colors(ob).copy() for name, ob in preview.items()}
+    bake(*preview.values(), **SETTINGS | {"distance": 0.5})
+    assert not np.array_equal(colors(preview["Floor"]), before["Floor"])
+    at(2)
+    assert all(np.array_equal(colors(ob), before[name]) for name, ob in preview.items())
+
+
+def test_handlers_come_once_and_go():
+    lists = [getattr(bpy.app.handlers, name) for name, _handler in handlers._LISTS]
+    counts = [len(found) for found in lists]
+    handlers.register()
+    assert [len(found) for found in lists] == counts
+    handlers.unregister()
+    assert [len(found) for found in lists] == [count - 1 for count in counts]
+    handlers.register()
+    assert [len(found) for found in lists] == counts
+
+
 def test_settings_that_change_are_followed(preview, empty_scene):
     empty_scene.obscurance.use_bleeding = False
     at(2)
@@ -367,11 +404,14 @@ def test_an_error_leaves_no_half_known_scene(preview, monkeypatch):
     assert_as_baked_anew(preview.values())
 
 
-def test_objects_in_edit_mode_are_left_alone(preview):
+def test_it_waits_for_edit_mode_to_end(preview):
+    before = colors(preview["Floor"]).copy()
     bpy.context.view_layer.objects.active = preview["Block"]
     bpy.ops.object.mode_set(mode="EDIT")
     preview["Mover"].location.x += 0.5
     at(2)
+    assert "Edit Mode" in PREVIEW.status
+    assert np.array_equal(colors(preview["Floor"]), before)
     bpy.ops.object.mode_set(mode="OBJECT")
     at(3)
     assert_as_baked_anew(preview.values())

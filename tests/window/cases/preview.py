@@ -94,6 +94,22 @@ def follow_edits(window):
     assert not np.array_equal(_colors("Room"), before)
 
 
+def light_is_followed_without_end(window):
+    """Light is baked anew after an edit, and not again because of what that wrote."""
+    yield from window.open("room_1423.blend")
+    bpy.context.scene.obscurance.quantity = "DIRECT"
+    yield from _start(window)
+    before = _colors("Room").copy()
+    bpy.data.objects["Lamp"].data.energy *= 2.0
+    yield from window.until(lambda: not np.array_equal(_colors("Room"), before), "the lamp to be followed")
+    jobs = next(m for name, m in sys.modules.items() if name.endswith("obscurance_addon.blender.bake_job"))
+    yield 2.0
+    count = jobs.commit_count()
+    yield 3.0
+    assert jobs.commit_count() == count
+    assert _preview().status == "Up to date"
+
+
 def render_frames(window):
     """EEVEE renders three frames by F12's operator; each shows what Live Preview shows at that frame."""
     yield from window.open(ROOM)

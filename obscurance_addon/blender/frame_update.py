@@ -115,7 +115,7 @@ class FrameUpdater:
         )
         self.notes = self._warnings + snapshot.notes
         self.changes = SceneChanges(snapshot, self._wanted, layers)
-        self._movers |= {key for key in self.changes.known if key in _likely_movers(context)}
+        self._movers |= _likely_movers(context) & self.changes.known.keys()
 
     def compute(self, monitor: Monitor | None = None) -> None:
         """The full bake of what was read; any thread, without bpy."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Hashable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -91,6 +92,7 @@ class IncrementalBake:
             held = Held(normalisation, settings.max_distance(scene_diagonal(joined.surfaces)))
         self._settings, self._held = settings, held
         self._scene = ChangingScene(objects, movers, settings, held, intersector, ceiling_bytes)
+        self._helper = ThreadPoolExecutor(1, "obscurance-trace")  # its thread ends when this object is gone
         self._probed_by: dict[int, set[int]] = {}  # row of an object -> rows of those whose probing rays met it
         self.r_ave = np.zeros(3)
         self.last = self._bake_all(monitor or Monitor())
@@ -249,6 +251,7 @@ class IncrementalBake:
             self._scene.cache,
             np.concatenate([np.zeros((2, 0), np.int64), *(state.slots for state in states)], axis=1)[:, at],
             np.concatenate([np.zeros(0, bool), *(np.full(len(s.count), s.row not in fresh) for s in states)])[at],
+            self._helper,
         )
 
     def _take(self, states: list[ObjectState], cells: Cells, chosen: np.ndarray, caster: LayeredCaster) -> None:

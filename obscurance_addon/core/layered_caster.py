@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,6 @@ from .patch_samples import TABLE_ROWS
 from .ray_casting import MISS, Hits
 from .settings import BakeSettings
 from .traced_scene import TracedScene
-from .workers import second_hand
 
 _BLOCK_RAYS = 16384  # per task
 # Of fewer rays, and of those whose static hits are known, most time goes into short steps of numpy, which threads only
@@ -67,6 +67,8 @@ class LayeredCaster(Caster):
         Filled in where hits are kept.
     may_keep : ndarray, (c,) bool
         Cells whose hits may be kept.
+    helper : Executor
+        Traces beside this thread, where settings allow more than one, what is too little to begin threads for.
 
     Attributes
     ----------
@@ -92,6 +94,7 @@ class LayeredCaster(Caster):
         cache: HitCache,
         slots: np.ndarray,
         may_keep: np.ndarray,
+        helper: Executor,
     ) -> None:
         super().__init__(scene, ids, settings, progress=progress, block_rays=_BLOCK_RAYS, rays=rays)
         self.cached = 0
@@ -103,7 +106,7 @@ class LayeredCaster(Caster):
         self._far_of_cell = np.zeros(len(scene.cells.patch))
         self._mode, self._unbounded = _Mode.IN_FULL, False
         self._threads = self.samples.threads
-        self._helper = second_hand() if self._threads > 1 else None
+        self._helper = helper if self._threads > 1 else None
 
     def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
         self._unbounded, slots = unbounded, self.slots[int(unbounded)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -20,9 +19,3 @@ class _Alone(Executor):
 
     def map(self, function: Callable, *iterables: Iterable) -> Iterator:  # the one method that is used here
         return map(function, *iterables)
-
-
-@functools.cache
-def second_hand() -> Executor:
-    """One thread that is always there, for work too short to begin a thread for."""
-    return ThreadPoolExecutor(1, thread_name_prefix="obscurance-trace")

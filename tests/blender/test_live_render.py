@@ -22,7 +22,8 @@ def stage(empty_scene):
         block.keyframe_insert("location", frame=frame)
     block.visible_camera = False
     shown = bpy.data.materials.new("Shown")
-    shown.use_nodes = True
+    if bpy.app.version < (5, 0, 0):
+        shown.use_nodes = True
     nodes, links = shown.node_tree.nodes, shown.node_tree.links
     nodes.clear()
     value, light, end = (nodes.new(f"ShaderNode{kind}") for kind in ("Attribute", "Emission", "OutputMaterial"))

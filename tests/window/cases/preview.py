@@ -152,7 +152,8 @@ _STILL = np.s_[: 64 * 12 * 4]  # the lowest rows of the picture: floor
 
 def _material_that_shows(layer):
     shown = bpy.data.materials.new("Shown")
-    shown.use_nodes = True
+    if bpy.app.version < (5, 0, 0):
+        shown.use_nodes = True
     nodes, links = shown.node_tree.nodes, shown.node_tree.links
     nodes.clear()
     value, light, end = (nodes.new(f"ShaderNode{kind}") for kind in ("Attribute", "Emission", "OutputMaterial"))

@@ -68,7 +68,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     _add_frames(bake.add_argument_group("animation"))
     bake.add_argument("--report", type=Path, metavar="FILE.json", help="write what was done as JSON")
     bake.add_argument("--quiet", action="store_true", help="print errors only")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args(_joined(arguments))
     if options.output and len(options.scenes) > 1:
         bake.error("--output takes one scene: give --output-dir for several")
     names = [scene.name for scene in options.scenes]
@@ -131,6 +131,17 @@ def _add_frames(group: argparse._ArgumentGroup) -> None:
 def frame_cache(options: argparse.Namespace, output: Path) -> Path:
     """The folder of the frame cache of a scene whose file is `output`."""
     return options.frame_cache or output.with_name(f"{output.stem}_frames")
+
+
+def _joined(arguments: list[str]) -> list[str]:
+    """The arguments with negative frames joined to their option, which argparse takes for an option else."""
+    joined: list[str] = []
+    for argument in arguments:
+        if joined and joined[-1] == "--frames" and re.match(r"-\d", argument):
+            joined[-1] += "=" + argument
+        else:
+            joined.append(argument)
+    return joined
 
 
 def _frames(text: str) -> tuple[int, int]:

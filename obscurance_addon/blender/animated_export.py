@@ -13,7 +13,8 @@ from pathlib import Path
 import bpy
 
 from ..core.errors import ObscuranceError
-from .export_copy import ExportFormat, copy_for_export
+from . import color_attribute
+from .export_copy import LAYERS, ExportFormat, ExportLayer, copy_for_export
 from .frame_cache import FrameCache
 from .frame_range import at_every_frame
 
@@ -45,12 +46,19 @@ def export_animation(context: bpy.types.Context, cache: FrameCache, path: Path) 
     scene = context.scene
     current, start, end = scene.frame_current, scene.frame_start, scene.frame_end
 
-    def write_frame(at: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph) -> None:
-        if cache.has(at.frame_current):
-            cache.show(at.frame_current)
-            copy_for_export(objects, cache.output, kind)
+    errors: list[ObscuranceError] = []  # Blender prints what a handler raises, and goes on
+    if kind is ExportFormat.USD and cache.frames[0] < 0:
+        raise ObscuranceError("Blender cannot export frames before 0 to USD: move the animation, or write Alembic")
 
-    with _seeming_to_deform(objects), at_every_frame(write_frame):
+    def write_frame(at: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph) -> None:
+        try:
+            if cache.has(at.frame_current):
+                cache.show(at.frame_current)
+                copy_for_export(objects, cache.output, kind)
+        except ObscuranceError as error:
+            errors.append(error)
+
+    with _only_for_now(objects, LAYERS[kind]), _seeming_to_deform(objects), at_every_frame(write_frame):
         try:
             scene.frame_start, scene.frame_end = cache.frames
             scene.frame_set(cache.frames[0])  # the layers must be there before the exporter looks
@@ -66,6 +74,8 @@ def export_animation(context: bpy.types.Context, cache: FrameCache, path: Path) 
         finally:
             scene.frame_start, scene.frame_end = start, end
             scene.frame_set(current)
+    if errors:
+        raise errors[0]
     if not path.is_file():
         raise ObscuranceError(f"Blender wrote no file '{path}': check the folder")
 
@@ -76,6 +86,25 @@ def check_format(path: Path) -> ExportFormat:
     if kind is None:
         raise ObscuranceError(f"'{path.name}' names no format with animated colors: use {', '.join(FORMATS)}")
     return kind
+
+
+@contextmanager
+def _only_for_now(objects: list[bpy.types.Object], layer: ExportLayer) -> Iterator[None]:
+    """Take away afterwards the layers that the export makes; refuse to replace one of the user's."""
+    meshes = {ob.data.session_uid: ob.data for ob in objects}
+    for mesh in meshes.values():
+        if layer.name in mesh.attributes:
+            raise ObscuranceError(
+                f"mesh '{mesh.name}' has an attribute named '{layer.name}', which the export would replace: rename or "
+                "remove it"
+            )
+    try:
+        yield
+    finally:
+        for mesh in meshes.values():
+            if layer.name in mesh.attributes:
+                with color_attribute.choices_kept(mesh):
+                    mesh.attributes.remove(mesh.attributes[layer.name])
 
 
 @contextmanager

@@ -35,10 +35,11 @@ class FirstBake:
         """Whether it still computes."""
         return self._thread.is_alive()
 
-    def cancel(self) -> None:
-        """Stop it, and wait for it to end."""
+    def cancel(self, wait: bool = True) -> None:
+        """Stop it, and wait for it to end or not."""
         self._monitor.cancelled.set()
-        self._thread.join()
+        if wait:
+            self._thread.join()
 
     def check(self) -> None:
         """Raise what stopped the bake."""

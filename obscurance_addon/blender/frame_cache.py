@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import zipfile
 from bisect import bisect_right
@@ -25,6 +26,7 @@ from .result_writer import spread
 
 _INDEX = "index.json"
 _VERSION = 1
+_FRAME_NAME = re.compile(r"frame_-?\d+\.npz")
 
 
 class FrameCacheError(ObscuranceError):
@@ -79,6 +81,14 @@ class FrameCache:
             raise FrameCacheError(
                 f"the frame cache '{folder}' cannot be read ({error}): bake the frames again, or clear Frame Cache"
             ) from None
+
+    @staticmethod
+    def written_at(folder: str | Path) -> float:
+        """When the cache in a folder was written, seconds; 0 where there is none."""
+        try:
+            return (Path(folder) / _INDEX).stat().st_mtime
+        except OSError:
+            return 0.0
 
     def has(self, frame: int) -> bool:
         """Whether the cache reaches to this frame."""
@@ -142,14 +152,12 @@ class FrameCache:
                 "clear Frame Cache"
             )
         for name, domain in output.layers():
-            is_there = color_attribute.is_color(mesh, name, domain)
-            if not is_there:
+            if not color_attribute.is_color(mesh, name, domain):
                 color_attribute.check_name(ob, name)
             layer = color_attribute.prepare(mesh, name, domain)
             face_start = read_mesh(mesh).face_start if domain != output.target else None
             color_attribute.fill(mesh, layer, name, spread(colours, face_start))
-            if not is_there:
-                baked_record.remember(mesh, name, self._stored, output.exposure)
+            baked_record.remember(mesh, name, self._stored, output.exposure)
 
 
 class FrameCacheWriter:
@@ -205,11 +213,24 @@ class FrameCacheWriter:
         """Put the cache in its place."""
         (self._part / _INDEX).write_text(json.dumps(self._index, indent=1) + "\n", encoding="utf-8")
         old = self._folder.with_name(f".{self._folder.name}.{os.getpid()}.old")
-        if self._folder.exists():
-            self._folder.rename(old)
-        self._part.rename(self._folder)
+        names = _check_replaceable(self._folder)  # once more: the bake took its time
+        try:
+            if self._folder.exists():
+                self._folder.rename(old)
+            try:
+                self._part.rename(self._folder)
+            except OSError:
+                if old.exists():
+                    old.rename(self._folder)
+                raise
+        except OSError as error:
+            raise FrameCacheError(
+                f"the folder '{self._folder}' cannot be replaced ({error.strerror}): choose another one"
+            ) from None
         if old.exists():
-            shutil.rmtree(old)
+            for name in names:
+                (old / name).unlink(missing_ok=True)
+            old.rmdir()
 
     def discard(self) -> None:
         """Remove what was written so far; harmless after `finish`."""
@@ -221,13 +242,20 @@ def _name(frame: int) -> str:
     return f"frame_{frame:06d}.npz"
 
 
-def _check_replaceable(folder: Path) -> None:
-    """Make sure that a folder may be replaced: it holds a frame cache and nothing else, or is not there."""
-    if not folder.exists():
-        return
-    names = {path.name for path in folder.iterdir()} if folder.is_dir() else {""}
-    others = sorted(
-        name for name in names if name != _INDEX and not (name.startswith("frame_") and name.endswith(".npz"))
-    )
-    if others:
-        raise FrameCacheError(f"'{folder}' holds '{others[0]}', which is not of a frame cache: choose another folder")
+def _check_replaceable(folder: Path) -> list[str]:
+    """Names of the files of the frame cache that a folder holds; none where it is empty or not there.
+
+    Raises
+    ------
+    FrameCacheError
+        When it holds anything else, which a bake must not remove.
+    """
+    names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
+    if not names and not folder.is_file():
+        return []
+    others = [name for name in names if name != _INDEX and not _FRAME_NAME.fullmatch(name)]
+    if not others and _INDEX in names:
+        FrameCache.open(folder)
+        return names
+    what = f"holds '{(others or names)[0]}', which is not of a frame cache" if names else "is a file"
+    raise FrameCacheError(f"'{folder}' {what}: choose another folder")

@@ -10,12 +10,13 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ..core.errors import GeometryError
 from ..core.light_settings import LightSettings
 from ..core.settings import BakeSettings
 from ..core.update_results import UpdateMode
 from .baked_record import what_is_stored
 from .frame_cache import FrameCache, FrameCacheWriter
-from .frame_update import FrameReport, FrameUpdater
+from .frame_update import NOTHING_DONE, FrameReport, FrameUpdater
 from .full_update import FullUpdater
 from .output_settings import OutputSettings
 
@@ -74,19 +75,21 @@ def bake_frames(
     current, objects = scene.frame_current, list(objects)
     writer = FrameCacheWriter(frames.folder, output, what_is_stored(light), notes)
     try:
-        scene.frame_set(frames.first)
-        if light.needs_light:
-            updater: FrameUpdater | FullUpdater = FullUpdater(objects, settings, output, light)
-            report = updater.update(context)
-        else:
-            updater = FrameUpdater(context, objects, settings, output, ceiling_bytes, UpdateMode.EXACT)
-            report = updater.start()
+        updater: FrameUpdater | FullUpdater | None = None
         for frame in frames:
-            if frame > frames.first:
+            with at_every_frame(
+                lambda _scene, depsgraph, updater=updater: updater and updater.note(depsgraph)
+            ):  # it forgets them later
                 scene.frame_set(frame)
-                depsgraph = context.evaluated_depsgraph_get()
-                updater.note(depsgraph)
-                report = updater.update(context, depsgraph)
+            try:
+                if updater is None:
+                    updater, report = _first_update(context, objects, settings, output, light, ceiling_bytes)
+                else:
+                    report = updater.update(context, context.evaluated_depsgraph_get())
+            except GeometryError:  # nothing shows in this frame
+                if frame == frames.last and updater is None:
+                    raise
+                report = NOTHING_DONE
             writer.add(
                 frame, {name: stored_colours(context.view_layer.objects[name], output) for name in report.objects}
             )
@@ -96,6 +99,22 @@ def bake_frames(
         writer.discard()
         scene.frame_set(current)
     return updater.notes
+
+
+def _first_update(
+    context: bpy.types.Context,
+    objects: list[bpy.types.Object],
+    settings: BakeSettings,
+    output: OutputSettings,
+    light: LightSettings,
+    ceiling_bytes: int,
+) -> tuple[FrameUpdater | FullUpdater, FrameReport]:
+    """Bake the scene as it is, with what follows it from then on."""
+    if light.needs_light:
+        full = FullUpdater(objects, settings, output, light)
+        return full, full.update(context)
+    updater = FrameUpdater(context, objects, settings, output, ceiling_bytes, UpdateMode.EXACT)
+    return updater, updater.start()
 
 
 def play_back(scene: bpy.types.Scene, cache: FrameCache, home: Path) -> None:

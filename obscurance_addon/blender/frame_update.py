@@ -26,6 +26,7 @@ from ..core.scene_objects import SceneObject
 from ..core.settings import BakeSettings
 from ..core.update_results import UpdateMode
 from .bake_job import check_destination, writable_objects
+from .mesh_arrays import MeshArrays
 from .object_arrays import ObjectArrays
 from .output_settings import OutputSettings, Scale, Target
 from .render_visibility import rendered_meshes
@@ -64,6 +65,9 @@ class FrameReport:
     objects: list[str]
 
 
+NOTHING_DONE = FrameReport(0, 0, 0, 0, 0.0, "", [])
+
+
 class FrameUpdater:
     """Bakes some objects and follows the scene from then on.
 
@@ -78,6 +82,13 @@ class FrameUpdater:
     ceiling_bytes : int
         Memory for cached hits at most.
     mode : UpdateMode
+
+    Attributes
+    ----------
+    wanted : set of int
+        Session uids of the objects that receive values whenever they are visible.
+    notes : list of str
+        What the user should know.
 
     Raises
     ------
@@ -97,24 +108,25 @@ class FrameUpdater:
         if output.target is Target.LIGHTMAP:
             raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
         self._settings, self._output, self._ceiling, self._mode = settings, output, ceiling_bytes, mode
-        self._warnings: list[str] = []
-        writable = writable_objects(objects, self._warnings)
+        self.notes: list[str] = []
+        writable = writable_objects(objects, self.notes)
         check_destination(writable, output, None)
-        self._wanted = {ob.session_uid for ob in writable}
+        self.wanted = {ob.session_uid for ob in writable}
         self._held: Held | None = None
         self._bake: IncrementalBake | None = None
         self._movers: set[Hashable] = set()
+        self._untied: dict[Hashable, MeshArrays] = {}
         self._read_all(context)
 
     def _read_all(self, context: bpy.types.Context) -> None:
         """Read the whole scene; main thread."""
-        objects = [ob for ob in context.view_layer.objects if ob.session_uid in self._wanted]
+        objects = [ob for ob in context.view_layer.objects if ob.session_uid in self.wanted]
         layers = [name for name, _domain in self._output.layers()]
         snapshot = snapshot_scene(
             context, objects, needs_rest=self._output.target in {Target.CORNER, Target.POINT}, baked_layers=layers
         )
-        self.notes = self._warnings + snapshot.notes
-        self.changes = SceneChanges(snapshot, self._wanted, layers)
+        self.notes = list(dict.fromkeys([*self.notes, *snapshot.notes]))
+        self.changes = SceneChanges(snapshot, self.wanted, layers, self._untied)
         self._movers |= _likely_movers(context) & self.changes.known.keys()
 
     def compute(self, monitor: Monitor | None = None) -> None:
@@ -174,14 +186,14 @@ class FrameUpdater:
         except NotUpdatableError as error:
             self._read_all(context)
             self.compute()
-            update, full, rewrite = self._bake.last, str(error), True
+            changed, update, full, rewrite = {}, self._bake.last, str(error), True
         else:
             update = self._bake.update({key: change and self._object(key, change) for key, change in changed.items()})
             full = update.reason or ""
             self._objects.keep(change.snapshot.mesh for change in self.changes.known.values())
         baked = self._baked()
-        chosen = set(baked) if rewrite else update.keys & baked.keys()
-        refresh_values(baked, chosen, self._values, self._output, STORED)
+        chosen = set(baked) if rewrite else (update.keys | changed.keys()) & baked.keys()
+        written = refresh_values(baked, chosen, self._values, self._output, STORED)
         return FrameReport(
             patches=update.patches,
             all_patches=self._bake.patches,
@@ -189,7 +201,7 @@ class FrameUpdater:
             cached_rays=update.cached,
             seconds=time.perf_counter() - began,
             full=full,
-            objects=[baked[key].snapshot.name for key in chosen],
+            objects=[baked[key].snapshot.name for key in written],
         )
 
     @property

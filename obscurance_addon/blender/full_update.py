@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
-from typing import ClassVar
+from collections.abc import Hashable, Iterable
 
 import bpy
 
@@ -12,6 +11,7 @@ from ..core.light_settings import LightSettings
 from ..core.settings import BakeSettings
 from .bake_job import BakeJob
 from .frame_update import FrameReport
+from .mesh_arrays import MeshArrays
 from .output_settings import OutputSettings
 from .scene_changes import NotUpdatableError, SceneChanges
 
@@ -19,11 +19,10 @@ from .scene_changes import NotUpdatableError, SceneChanges
 class FullUpdater:
     """Bakes everything anew at every update, for quantities in which one change reaches the whole scene.
 
-    Parameters as for `BakeJob`.
+    Parameters as for `BakeJob`, attributes as of `FrameUpdater`.
     """
 
     cache_is_full = False
-    notes: ClassVar[list[str]] = []
 
     def __init__(
         self,
@@ -32,11 +31,13 @@ class FullUpdater:
         output: OutputSettings,
         light: LightSettings,
     ) -> None:
-        self._uids = {ob.session_uid for ob in objects}
+        self.wanted = {ob.session_uid for ob in objects}
         self._settings, self._output, self._light = settings, output, light
         self._changes: SceneChanges | None = None
         self._own: set[int] = set()  # what the last update wrote on
         self._is_changed = True
+        self._untied: dict[Hashable, MeshArrays] = {}
+        self.notes: list[str] = []
 
     def update(
         self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph | None = None, rewrite: bool = False
@@ -45,10 +46,13 @@ class FullUpdater:
         began = time.perf_counter()
         if not (self._is_changed or rewrite or self._finds_changes(context, depsgraph)):
             return FrameReport(0, 0, 0, 0, time.perf_counter() - began, "", [])
-        objects = [ob for ob in context.view_layer.objects if ob.session_uid in self._uids]
+        objects = [ob for ob in context.view_layer.objects if ob.session_uid in self.wanted]
         job = BakeJob(context, objects, self._settings, self._output, self._light)
-        self._changes = SceneChanges(job.snapshot, self._uids, [name for name, _domain in self._output.layers()])
+        layers = [name for name, _domain in self._output.layers()]
+        self._changes = SceneChanges(job.snapshot, self.wanted, layers, self._untied)
         report = job.run()
+        self.notes = list(dict.fromkeys([*self.notes, *report.warnings]))
+        context.view_layer.update()  # what depends on the meshes that were written is evaluated before anyone listens
         self._own = {uid for ob in objects for uid in (ob.session_uid, ob.data.session_uid)}
         self._is_changed = False
         return FrameReport(
@@ -72,6 +76,8 @@ class FullUpdater:
     def distrust(self) -> None:
         """Bake next time, whatever is found."""
         self._is_changed = True
+        self._untied: dict[Hashable, MeshArrays] = {}
+        self.notes: list[str] = []
 
     def _finds_changes(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         self._changes.distrust()

@@ -51,7 +51,9 @@ class LivePreview:
         self._asked: tuple | None = None  # what the updater was made for
         self._starting: FirstBake | None = None
         self._cache: FrameCache | None = None
-        self._broken_cache = ""
+        self._cache_key: tuple[str, float] | None = None
+        self._seen: tuple[int, int] | None = None
+        self._followed: set[int] = set()
         self._rewrite = False
         self._commits = commit_count()
         self._busy = False
@@ -79,12 +81,15 @@ class LivePreview:
 
     def on_frame(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """A frame was set; the only place from where values are written within a frame."""
+        self._distrust_while_baking()
         if not self._follows(scene) or (depsgraph.mode == "RENDER" and scene.frame_subframe != 0.0):
             return
         if self._updater is not None and depsgraph.mode == "VIEWPORT":
             self._updater.note(depsgraph)
         if _in_edit_mode():  # where a mesh can neither be read nor written
             self.status = "Waiting for Edit Mode to end"
+            if depsgraph.mode == "RENDER":
+                self._tell_once("frames that render while a mesh is in Edit Mode keep the values that they had")
             return
         if status_line.has_window() and self._updater is None and not self._is_cached(scene):
             self.on_change(scene, None)
@@ -93,13 +98,19 @@ class LivePreview:
 
     def on_change(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None) -> None:
         """Something changed outside of a frame change: follow it once it settles."""
-        if not self._follows(scene):
+        self._distrust_while_baking()
+        if not scene.obscurance.live_preview or self._busy or scene != bpy.context.scene:
             return
         if depsgraph is not None and self._updater is not None:
             self._updater.note(depsgraph)
         self._changed_at = time.perf_counter()
         if not bpy.app.background and not bpy.app.timers.is_registered(_settle):
             bpy.app.timers.register(_settle, first_interval=_SETTLED_S)
+
+    def _distrust_while_baking(self) -> None:
+        """What happens during a bake, which may be cancelled, is looked for afterwards."""
+        if is_baking() and not self._busy and self._updater is not None:
+            self._updater.distrust()
 
     def _follows(self, scene: bpy.types.Scene) -> bool:
         return scene.obscurance.live_preview and not self._busy and not is_baking() and scene == bpy.context.scene
@@ -119,7 +130,12 @@ class LivePreview:
         if self._is_cached(scene) or self._is_current(scene):
             self._bring_up_to_date(scene, bpy.context.evaluated_depsgraph_get())
         else:
-            self._start(scene, in_thread=True)
+            self._busy = True
+            try:
+                self._start(scene, in_thread=True)
+            finally:
+                self._busy = False
+                self._commits = commit_count()
         return None
 
     def _bring_up_to_date(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
@@ -129,13 +145,18 @@ class LivePreview:
             if self._commits != commit_count():  # by the button, with whatever settings
                 self.distrust()
             if self._show_cached(scene):
+                self._rewrite = True  # what the updater wrote last is there no more
                 return
-            if depsgraph.mode == "RENDER":  # values belong to the meshes of the viewport, as those of a bake do
-                bpy.context.view_layer.update()  # a render leaves them where they were
+            if self._cache is not None:
+                self._cache.forget_shown()
+            # Values belong to the meshes of the viewport, as those of a bake do, which a render leaves where they were.
+            # What other handlers do in a frame is evaluated after all of them, and no update names it.
+            if depsgraph.mode == "RENDER" or _others_listen():
+                bpy.context.view_layer.update()
                 depsgraph = bpy.context.evaluated_depsgraph_get()
-                if self._updater is not None:
+                if isinstance(self._updater, FrameUpdater):
                     self._updater.distrust()
-            if not self._is_current(scene):
+            if not self._is_current(scene) or self._has_new_objects(scene):
                 self._start(scene, in_thread=False)
             else:
                 self._tell(self._updater.update(bpy.context, depsgraph, rewrite=self._rewrite))
@@ -152,8 +173,11 @@ class LivePreview:
 
     def _start(self, scene: bpy.types.Scene, in_thread: bool) -> None:
         """The full bake from which everything is followed."""
-        asked = settings, output, light, mode, memory = _asked_of(scene)
+        asked = settings, output, light, mode, memory, _where = _asked_of(scene)
         self._updater, self._asked = None, None
+        if self._starting is not None:
+            self._starting.cancel(wait=False)
+            self._starting = None
         try:
             if output.target is Target.LIGHTMAP:
                 raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
@@ -173,7 +197,14 @@ class LivePreview:
         except ObscuranceError as error:
             self._give_up(error)
             return
-        self._updater, self._asked = updater, asked
+        self._asked = asked
+        self._follow(scene, updater)
+
+    def _follow(self, scene: bpy.types.Scene, updater: FrameUpdater | FullUpdater) -> None:
+        """The first bake is written."""
+        self._updater = updater
+        self._seen = len(bpy.context.view_layer.objects), commit_count()
+        self._followed = updater.wanted | {ob.session_uid for ob in preview_objects(scene.obscurance.attribute_name)}
         self.status = "Following the scene"
 
     def poll(self) -> float | None:
@@ -185,7 +216,7 @@ class LivePreview:
             self.status = f"Baking once: {start.progress:.0%}"
             status_line.redraw_panels()
             return _POLL_S
-        if is_baking() or _in_edit_mode():
+        if is_baking() or self._busy or bpy.app.is_job_running("RENDER") or _in_edit_mode():
             return _BUSY_S
         self._starting = None
         try:
@@ -194,8 +225,7 @@ class LivePreview:
         except ObscuranceError as error:
             self._give_up(error)
             return None
-        self._updater = start.updater
-        self.status = "Following the scene"
+        self._follow(bpy.context.scene, start.updater)
         self.on_change(bpy.context.scene, None)  # what happened meanwhile
         status_line.redraw_panels()
         return None
@@ -203,15 +233,25 @@ class LivePreview:
     def _is_current(self, scene: bpy.types.Scene) -> bool:
         return self._updater is not None and self._asked == _asked_of(scene)
 
+    def _has_new_objects(self, scene: bpy.types.Scene) -> bool:
+        """Whether there are objects to follow that were not there, or not baked, when it began."""
+        seen = len(bpy.context.view_layer.objects), commit_count()
+        if seen == self._seen:
+            return False
+        self._seen = seen
+        followed = {ob.session_uid for ob in preview_objects(scene.obscurance.attribute_name)}
+        has_new = not followed <= self._followed
+        self._followed |= followed
+        return has_new
+
     def _is_cached(self, scene: bpy.types.Scene) -> bool:
         folder = bpy.path.abspath(scene.obscurance.frame_cache) if scene.obscurance.frame_cache else ""
-        if self._cache is not None and str(self._cache.folder) != folder:
-            self._cache = None
-        if folder and self._cache is None and folder != self._broken_cache:
+        key = (folder, FrameCache.written_at(folder)) if folder else None
+        if key != self._cache_key:
+            self._cache_key, self._cache = key, None
             try:
-                self._cache = FrameCache.open(folder)
+                self._cache = FrameCache.open(folder) if folder else None
             except ObscuranceError as error:  # then frames are computed
-                self._broken_cache = folder
                 self._tell_once(str(error))
         return self._cache is not None and self._cache.has(scene.frame_current)
 
@@ -275,10 +315,20 @@ def preview_objects(attribute_name: str) -> list[bpy.types.Object]:
     return baked or objects_over_time(context)
 
 
-def _asked_of(scene: bpy.types.Scene) -> tuple[BakeSettings, OutputSettings, LightSettings, UpdateMode, int]:
+def _asked_of(
+    scene: bpy.types.Scene,
+) -> tuple[BakeSettings, OutputSettings, LightSettings, UpdateMode, int, tuple[int, str]]:
     group = scene.obscurance
     mode = UpdateMode(group.preview_mode)
-    return group.to_settings(), group.to_output(), group.to_light(), mode, group.preview_memory
+    where = scene.session_uid, bpy.context.view_layer.name
+    return group.to_settings(), group.to_output(), group.to_light(), mode, group.preview_memory, where
+
+
+def _others_listen() -> bool:
+    """Whether anything but this add-on may change the scene when a frame is set."""
+    own = __package__.rpartition(".")[0]
+    handlers = (*bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post)
+    return any(not getattr(handler, "__module__", "").startswith(own) for handler in handlers)
 
 
 def _in_edit_mode() -> bool:

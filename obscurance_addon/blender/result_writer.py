@@ -69,11 +69,13 @@ def refresh_values(
     values: Callable[[Hashable], np.ndarray],
     output: OutputSettings,
     stored: str,
-) -> None:
+) -> set[Hashable]:
     """Replace the `values` of the chosen objects among all that are baked, as quickly as a frame of playback asks for.
 
     What `write_values` made must still be there; where it is not, it is made again. Objects that are gone are left out.
+    Returns the objects whose values were written: the chosen ones, and those that share a mesh with them.
     """
+    written: set[Hashable] = set()
     by_uid = {ob.session_uid: ob for ob in bpy.data.objects}
     users: dict[int, list[Hashable]] = {}
     for key, one in baked.items():
@@ -82,6 +84,7 @@ def refresh_values(
     for members in users.values():
         if chosen.isdisjoint(members):
             continue
+        written.update(members)
         mesh = by_uid[baked[members[0]].session_uid].data
         whole = all(color_attribute.is_color(mesh, name, domain) for name, domain in output.layers())
         averaged = output.shared_meshes is SharedMeshes.AVERAGE
@@ -91,6 +94,8 @@ def refresh_values(
         colours = values(members[0]) if len(members) == 1 else np.mean([values(key) for key in members], axis=0)
         for name, domain in output.layers():
             color_attribute.fill(mesh, name, name, spread(colours, _start_of(baked[members[0]], domain, output)))
+            baked_record.remember(mesh, name, stored, output.exposure)
+    return written
 
 
 def spread(colours: np.ndarray, face_start: np.ndarray | None) -> np.ndarray:

@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import ObscuranceError
+from ..core.scene_objects import same_numbers
 from .bake_arrays import shade
 from .mesh_arrays import MeshArrays, read_mesh, same_faces
 from .scene_geometry import BakedObject, SceneSnapshot
@@ -20,6 +21,9 @@ from .scene_reader import ObjectSnapshot, SceneReader, instance_key, materials_o
 
 # Kinds of data whose change may change how any object looks.
 _LOOKS = (bpy.types.Material, bpy.types.NodeTree, bpy.types.Image, bpy.types.Texture)
+
+# Values of modifiers that make no face: how panels show them, and how long they took.
+_IDLE = {"execution_time", "is_active", "show_expanded", "ui_expand_edit", "persistent_uid"}
 
 
 class NotUpdatableError(ObscuranceError):
@@ -45,10 +49,22 @@ class SceneChanges:
         Session uids of all objects that are to receive values, visible or not.
     baked_layers : sequence of str
         As for `snapshot_scene`.
+    untied : dict of hashable to MeshArrays
+        What modifiers made of objects when that could not be tied to their unmodified mesh; filled in, and to be handed
+        on to the `SceneChanges` of the next full bake, which has the unmodified mesh instead.
     """
 
-    def __init__(self, snapshot: SceneSnapshot, wanted: set[int], baked_layers: Sequence[str]) -> None:
-        self._wanted, self._baked_layers = wanted, baked_layers
+    def __init__(
+        self,
+        snapshot: SceneSnapshot,
+        wanted: set[int],
+        baked_layers: Sequence[str],
+        untied: dict[Hashable, MeshArrays],
+    ) -> None:
+        self._wanted, self._baked_layers, self._untied = wanted, baked_layers, untied
+        self._modifiers = {
+            ob.session_uid: _modifier_state(ob) for ob in bpy.data.objects if ob.modifiers and ob.session_uid in wanted
+        }
         self.known: dict[Hashable, Change] = {
             baked.snapshot.key: Change(baked.snapshot, baked) for baked in snapshot.baked
         }
@@ -71,9 +87,7 @@ class SceneChanges:
             elif update.is_updated_shading:  # so is all that an animation moves
                 self._shaded.add(update.id.original.session_uid)
 
-    def find(
-        self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, everything: bool = False
-    ) -> dict[Hashable, Change | None]:
+    def find(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> dict[Hashable, Change | None]:
         """What changed since the last time, by key; None for what is gone. `known` is what there is now.
 
         Raises
@@ -81,7 +95,6 @@ class SceneChanges:
         NotUpdatableError
             When an object has other faces than before; what is known then stays as it was.
         """
-        everything = everything or self._all
         reader = SceneReader(context, [], self._baked_layers, None, None)
         now: dict[Hashable, Change] = {}
         changed: dict[Hashable, Change | None] = {}
@@ -90,7 +103,7 @@ class SceneChanges:
                 continue
             key = instance_key(instance)
             old = self.known.get(key)
-            new = self._read(reader, instance, old, everything)
+            new = self._read(reader, instance, old)
             now[key] = new
             if new is not old:
                 changed[key] = new
@@ -101,31 +114,34 @@ class SceneChanges:
         self._all = False
         return changed
 
-    def _read(
-        self,
-        reader: SceneReader,
-        instance: bpy.types.DepsgraphObjectInstance,
-        old: Change | None,
-        everything: bool,
-    ) -> Change:
+    def _read(self, reader: SceneReader, instance: bpy.types.DepsgraphObjectInstance, old: Change | None) -> Change:
         """An instance as it is now; `old` itself if it did not change."""
         ob = instance.object
         matrix = np.array(instance.matrix_world, np.float64)
-        uids = {ob.original.session_uid, ob.data.original.session_uid}
-        if old is not None and not everything and not uids & self._evaluated:
+        data_uid = ob.original.data.session_uid
+        uids = {ob.original.session_uid, data_uid}
+        is_same = old is not None and (ob.name, data_uid) == (old.snapshot.name, old.snapshot.data_uid)
+        if is_same and not self._all and not uids & self._evaluated:
             if uids & self._shaded and materials_of(ob) != old.snapshot.materials:
                 return _moved(old, replace(reader.read(instance), mesh=old.snapshot.mesh))
-            if np.array_equal(matrix, old.snapshot.matrix):
+            if same_numbers(matrix, old.snapshot.matrix):
                 return old
             return _moved(old, replace(old.snapshot, matrix=matrix))
-        new = reader.read(instance)
-        uid = ob.original.session_uid
+        new, key, uid = reader.read(instance), instance_key(instance), ob.original.session_uid
+        if old is not None and key in self._untied and _same(new.mesh, self._untied[key]):
+            new = replace(new, mesh=old.snapshot.mesh, surface=old.snapshot.surface)
+        elif (
+            old is not None
+            and old.baked is not None
+            and old.snapshot.mesh.face_origin is not None
+            and self._modifiers.get(uid) != _modifier_state(ob.original)
+        ):  # faces that hang together as before may be other ones
+            raise NotUpdatableError(f"the modifiers of object '{ob.name}' are others than before")
         if old is not None and _same(new.mesh, old.snapshot.mesh):
-            same_look = _same_look(new, old.snapshot)
-            if same_look and np.array_equal(matrix, old.snapshot.matrix):
-                return old
-            new = replace(old.snapshot, matrix=matrix) if same_look else replace(new, mesh=old.snapshot.mesh)
-            return _moved(old, new)
+            if is_same and _same_look(new, old.snapshot):
+                new = replace(old.snapshot, matrix=matrix)
+                return old if same_numbers(matrix, old.snapshot.matrix) else _moved(old, new)
+            return _moved(old, replace(new, mesh=old.snapshot.mesh))
         if instance.is_instance or uid not in self._wanted:
             return Change(new, None)
         baked = self._tied(ob.original, new, old)
@@ -140,12 +156,16 @@ class SceneChanges:
             raise NotUpdatableError(f"the mesh of object '{ob.name}' has other faces than before")
         if before is None or before.snapshot.mesh.face_origin is None:
             if not same_faces(ob.data, mesh):
+                self._untied[new.key] = mesh
                 raise NotUpdatableError(f"the modifiers of object '{ob.name}' make other faces than before")
             return BakedObject(new, mesh, ob.session_uid)
         if not _same_topology(mesh, before.snapshot.mesh):
             raise NotUpdatableError(f"the modifiers of object '{ob.name}' make other faces than before")
+        base = read_mesh(ob.data)
+        if before.snapshot.mesh.rest is not None and not same_numbers(base.positions, before.base.positions):
+            raise NotUpdatableError(f"the vertices below the modifiers of object '{ob.name}' were moved")
         mesh = replace(mesh, face_origin=before.snapshot.mesh.face_origin, rest=before.snapshot.mesh.rest)
-        return BakedObject(replace(new, mesh=mesh), read_mesh(ob.data), before.session_uid)
+        return BakedObject(replace(new, mesh=mesh), base, before.session_uid)
 
 
 def _moved(old: Change, snapshot: ObjectSnapshot) -> Change:
@@ -156,17 +176,29 @@ def _moved(old: Change, snapshot: ObjectSnapshot) -> Change:
 def _same(one: MeshArrays, other: MeshArrays) -> bool:
     """Whether two meshes are equal, but for where their faces came from."""
     names = [field.name for field in fields(MeshArrays) if field.name not in {"face_origin", "rest", "uv", "uv_map"}]
-    return all(_equal(getattr(one, name), getattr(other, name)) for name in names)
+    return all(same_numbers(getattr(one, name), getattr(other, name)) for name in names)
 
 
 def _same_topology(one: MeshArrays, other: MeshArrays) -> bool:
-    return _equal(one.face_start, other.face_start) and _equal(one.corner_vertex, other.corner_vertex)
+    return same_numbers(one.face_start, other.face_start) and same_numbers(one.corner_vertex, other.corner_vertex)
 
 
 def _same_look(one: ObjectSnapshot, other: ObjectSnapshot) -> bool:
     """Whether the faces of two snapshots of one mesh have the same colours."""
-    return all(_equal(a, b) for a, b in zip(shade(one), shade(other), strict=True))
+    return all(same_numbers(a, b) for a, b in zip(shade(one), shade(other), strict=True))
 
 
-def _equal(one: np.ndarray, other: np.ndarray) -> bool:
-    return one.shape == other.shape and bool((one == other).all())
+def _modifier_state(ob: bpy.types.Object) -> list[tuple]:
+    """All plain values of the modifiers of an object."""
+    return [
+        (
+            modifier.type,
+            *(
+                tuple(value) if getattr(prop, "is_array", False) else value
+                for prop in modifier.bl_rna.properties
+                if prop.type in {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"} and prop.identifier not in _IDLE
+                for value in [getattr(modifier, prop.identifier)]
+            ),
+        )
+        for modifier in ob.modifiers
+    ]

@@ -29,6 +29,7 @@ class ObjectSnapshot:
     shadings: list[Shading]  # one for each material slot, the last one for faces without material
     surface: SurfaceArrays
     materials: tuple[int, ...] = ()  # session uids, one for each material slot
+    data_uid: int = 0  # of the mesh before modifiers
 
 
 class SceneReader:
@@ -83,7 +84,14 @@ class SceneReader:
         matrix = np.array(instance.matrix_world, np.float64)
         surface = self._surfaces[surface_key]
         return ObjectSnapshot(
-            instance_key(instance), ob.name, self._meshes[key], matrix, shadings, surface, materials_of(ob)
+            instance_key(instance),
+            ob.name,
+            self._meshes[key],
+            matrix,
+            shadings,
+            surface,
+            materials_of(ob),
+            ob.original.data.session_uid,
         )
 
     def shows(self, instance: bpy.types.DepsgraphObjectInstance) -> bool:

@@ -37,7 +37,7 @@ class SceneObject:
             (s.vertices, s.triangles, s.solid, p.corners, p.patch, p.ids, *(neighbours or ()))
             for s, p, neighbours in ((o.surfaces, o.patches, o.neighbours) for o in (self, other))
         )
-        return len(mine) == len(others) and all(map(np.array_equal, mine, others))
+        return len(mine) == len(others) and all(map(same_numbers, mine, others))
 
     def has_colours_of(self, other: SceneObject) -> bool:
         """Whether every triangle and every patch of the two reflects alike."""
@@ -98,3 +98,10 @@ def join_objects(objects: Iterable[SceneObject]) -> JoinedObjects:
 def _starts(counts: Iterable[int]) -> np.ndarray:
     """Where each of several consecutive parts starts, and the end of the last, (k + 1,) int64."""
     return np.cumsum([0, *counts], dtype=np.int64)
+
+
+def same_numbers(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two arrays hold the same, numbers that are none included."""
+    if np.array_equal(one, other) or one.shape != other.shape:
+        return one.shape == other.shape
+    return bool(((one == other) | (np.isnan(one) & np.isnan(other))).all())

@@ -4,6 +4,9 @@ import bpy
 import pytest
 
 import obscurance_addon
+from obscurance_addon.blender.live_preview import PREVIEW
+
+from .preview_helpers import at, build_room
 
 
 @pytest.fixture(scope="session")
@@ -17,3 +20,18 @@ def empty_scene(registered):
     """A file with one scene and no objects, in which the add-on's settings have their defaults."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     return bpy.context.scene
+
+
+@pytest.fixture
+def room(empty_scene):
+    """A room open to one side, with a red wall and two blocks, by name."""
+    yield build_room(empty_scene)
+    PREVIEW.stop()
+
+
+@pytest.fixture
+def preview(room, empty_scene):
+    """The room, with Live Preview on."""
+    empty_scene.obscurance.live_preview = True
+    at(1)
+    return room

@@ -132,6 +132,88 @@ def test_an_unknown_format_is_named(scene, tmp_path, capsys):
     assert not (tmp_path / "o_frames").exists()
 
 
+def test_a_deforming_mesh_is_baked_at_every_frame(scene, tmp_path):
+    block = bpy.data.objects["Block"]
+    block.animation_data_clear()
+    block.location = (0, 0, 0.6)
+    block.shape_key_add(name="Basis")
+    bulge = block.shape_key_add(name="Bulge")
+    for point in bulge.data:
+        point.co = point.co * 1.5
+    for frame, value in ((1, 0.0), (FRAMES, 1.0)):
+        bulge.value = value
+        bulge.keyframe_insert("value", frame=frame)
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    assert run(scene, "--output", tmp_path / "o.blend", "--frames", f"1-{FRAMES}", "--quiet") == 0
+    index = json.loads((tmp_path / "o_frames" / "index.json").read_text())
+    assert index["objects"]["Block"] == index["objects"]["Floor"] == list(range(1, FRAMES + 1))
+
+
+def test_nothing_need_be_visible_at_first(scene, tmp_path):
+    for name in (*NAMES, "Far"):
+        ob = bpy.data.objects[name]
+        for frame, hidden in ((1, True), (3, False)):
+            ob.hide_render = hidden
+            ob.keyframe_insert("hide_render", frame=frame)
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    assert run(scene, "--output", tmp_path / "o.blend", "--frames", "1-4", "--quiet") == 0
+    index = json.loads((tmp_path / "o_frames" / "index.json").read_text())
+    assert index["frames"] == [1, 4]
+    assert index["objects"]["Far"] == [3]
+
+
+def test_frames_before_0(scene, tmp_path):
+    assert run(scene, "--output", tmp_path / "o.blend", "--frames", "-2-1", "--quiet") == 0
+    assert json.loads((tmp_path / "o_frames" / "index.json").read_text())["frames"] == [-2, 1]
+
+
+def test_leaving_and_entering_the_cached_frames(scene, tmp_path):
+    """Neither what was computed stays within them, nor what was cached beyond."""
+    out = tmp_path / "out.blend"
+    assert run(scene, "--output", out, "--frames", "1-3", "--quiet") == 0
+    objects = open_file(out)
+    seen = {}
+    for frame in (3, 5, 3, 1, 5, 1):
+        bpy.context.scene.frame_set(frame)
+        values = colors(objects["Floor"]).copy()
+        assert np.array_equal(values, seen.setdefault(frame, values)), frame
+    assert len({values.tobytes() for values in seen.values()}) == 3
+
+
+def test_an_export_that_fails_leaves_no_file(scene, tmp_path, capsys, monkeypatch):
+    def fail(*_args):
+        raise FrameCacheError("broken")
+
+    monkeypatch.setattr("obscurance_addon.blender.animated_export.FrameCache.show", fail)
+    exported = tmp_path / "o.usda"
+    assert run(scene, "--output", tmp_path / "o.blend", "--frames", "1-2", "--export", exported) == 1
+    assert "broken" in capsys.readouterr().err
+    assert not exported.exists()
+    assert not (tmp_path / "o.blend").exists()
+
+
+def test_an_export_leaves_no_layer_and_replaces_none_of_the_users(scene, tmp_path, capsys):
+    out, exported = tmp_path / "o.blend", tmp_path / "o.usda"
+    assert run(scene, "--output", out, "--frames", "1-2", "--export", exported, "--quiet") == 0
+    objects = open_file(out)
+    assert "displayColor" not in objects["Floor"].data.attributes
+    objects["Floor"].data.attributes.new("displayColor", "FLOAT", "FACE")
+    bpy.context.scene.obscurance.live_preview = False
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    assert run(scene, "--output", out, "--frames", "1-2", "--export", exported) == 1
+    assert "'displayColor'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("names", [["frame_0001.npz"], ["index.json"]])
+def test_a_folder_that_looks_like_a_cache_is_not_replaced(scene, tmp_path, names):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    for name in names:
+        (folder / name).write_text("mine")
+    assert run(scene, "--output", tmp_path / "o.blend", "--frames", "1-2", "--frame-cache", folder) == 1
+    assert sorted(path.name for path in folder.iterdir()) == names
+
+
 def test_a_folder_of_the_users_is_never_replaced(scene, tmp_path, capsys):
     folder = tmp_path / "mine"
     folder.mkdir()

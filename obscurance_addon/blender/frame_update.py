@@ -190,6 +190,8 @@ class FrameUpdater:
         else:
             update = self._bake.update({key: change and self._object(key, change) for key, change in changed.items()})
             full = update.reason or ""
+            for key in self._elements.keys() - self.changes.known.keys():
+                del self._elements[key]
             self._objects.keep(change.snapshot.mesh for change in self.changes.known.values())
         baked = self._baked()
         chosen = set(baked) if rewrite else (update.keys | changed.keys()) & baked.keys()

@@ -10,7 +10,7 @@ import bpy
 from ..core.light_settings import LightSettings
 from ..core.settings import BakeSettings
 from .bake_job import BakeJob
-from .frame_update import FrameReport
+from .frame_update import NOTHING_DONE, FrameReport
 from .mesh_arrays import MeshArrays
 from .output_settings import OutputSettings
 from .scene_changes import NotUpdatableError, SceneChanges
@@ -45,7 +45,7 @@ class FullUpdater:
         """Bake and write everything, unless nothing changed; parameters as for `FrameUpdater.update`."""
         began = time.perf_counter()
         if not (self._is_changed or rewrite or self._finds_changes(context, depsgraph)):
-            return FrameReport(0, 0, 0, 0, time.perf_counter() - began, "", [])
+            return NOTHING_DONE
         objects = [ob for ob in context.view_layer.objects if ob.session_uid in self.wanted]
         job = BakeJob(context, objects, self._settings, self._output, self._light)
         layers = [name for name, _domain in self._output.layers()]
@@ -76,8 +76,6 @@ class FullUpdater:
     def distrust(self) -> None:
         """Bake next time, whatever is found."""
         self._is_changed = True
-        self._untied: dict[Hashable, MeshArrays] = {}
-        self.notes: list[str] = []
 
     def _finds_changes(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         self._changes.distrust()

@@ -76,6 +76,9 @@ class LivePreview:
         self._rewrite = True
         if self._cache is not None:
             self._cache.forget_shown()
+        self._distrust_updater()
+
+    def _distrust_updater(self) -> None:
         if self._updater is not None:
             self._updater.distrust()
 
@@ -109,8 +112,8 @@ class LivePreview:
 
     def _distrust_while_baking(self) -> None:
         """What happens during a bake, which may be cancelled, is looked for afterwards."""
-        if is_baking() and not self._busy and self._updater is not None:
-            self._updater.distrust()
+        if is_baking() and not self._busy:
+            self._distrust_updater()
 
     def _follows(self, scene: bpy.types.Scene) -> bool:
         return scene.obscurance.live_preview and not self._busy and not is_baking() and scene == bpy.context.scene
@@ -151,11 +154,12 @@ class LivePreview:
                 self._cache.forget_shown()
             # Values belong to the meshes of the viewport, as those of a bake do, which a render leaves where they were.
             # What other handlers do in a frame is evaluated after all of them, and no update names it.
-            if depsgraph.mode == "RENDER" or _others_listen():
+            is_render = depsgraph.mode == "RENDER"
+            if is_render or _others_listen():
                 bpy.context.view_layer.update()
                 depsgraph = bpy.context.evaluated_depsgraph_get()
-                if isinstance(self._updater, FrameUpdater):
-                    self._updater.distrust()
+                if is_render or isinstance(self._updater, FrameUpdater):
+                    self._distrust_updater()
             if not self._is_current(scene) or self._has_new_objects(scene):
                 self._start(scene, in_thread=False)
             else:

@@ -84,6 +84,30 @@ def test_every_rendered_frame_has_its_own_values(stage, tmp_path, options):
         np.testing.assert_allclose(pixels, value, rtol=1e-6)
 
 
+def test_light_that_is_animated_has_its_values_when_a_frame_renders(stage, tmp_path):
+    scene = bpy.context.scene
+    lit = floor("Lit", size=1.0)
+    lit.location = (0, 0, 1.5)
+    lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    scene.collection.objects.link(lamp)
+    lamp.location = (0.5, 0, 3.5)
+    for frame, energy in ((FRAMES[0], 10.0), (FRAMES[-1], 100.0)):
+        lamp.data.energy = energy
+        lamp.data.keyframe_insert("energy", frame=frame)
+    scene.obscurance.quantity = "DIRECT"
+    scene.obscurance.live_preview = True
+    expected = previewed(lit)
+    assert max(expected) > 2.0 * min(expected)
+    found = []
+    handlers = bpy.app.handlers.render_post
+    handlers.append(lambda *_: found.append(float(colors(lit)[0, 0])))
+    try:
+        rendered(tmp_path)
+    finally:
+        handlers.pop()
+    assert found == expected
+
+
 def test_a_render_starts_the_preview_by_itself(stage, tmp_path):
     """A file that was saved with Live Preview on, rendered in the background."""
     scene = bpy.context.scene

@@ -107,7 +107,7 @@ def light_is_followed_without_end(window):
     count = jobs.commit_count()
     yield 3.0
     assert jobs.commit_count() == count
-    assert _preview().status == "Up to date"
+    assert _is_following()
 
 
 def render_frames(window):

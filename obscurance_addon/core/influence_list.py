@@ -33,6 +33,8 @@ class _NotingCaster(LayeredCaster):
         Pairs of patch and triangle.
     """
 
+    uses_kept_sums = False  # every hit is noted
+
     def __init__(self, *args: object) -> None:
         super().__init__(*args)
         self.noted: list[np.ndarray] = []

@@ -81,6 +81,7 @@ class LayeredCaster(Caster):
     """
 
     keeps_tables = True
+    uses_kept_sums = True  # cells that meet no mover are not weighed again, and `first_hits` is not asked for them
 
     def __init__(
         self,
@@ -138,7 +139,8 @@ class LayeredCaster(Caster):
         return directions, hits
 
     def _cast_block(self, cells: np.ndarray, rows: np.ndarray, unbounded: bool) -> None:
-        if self._mode is not _Mode.CACHED or unbounded or self.scene.needs_only_occlusion:
+        kept_sums = self.uses_kept_sums and self._mode is _Mode.CACHED
+        if not kept_sums or unbounded or self.scene.needs_only_occlusion:
             super()._cast_block(cells, rows, unbounded)
             return
         n, slots = rows.shape[1], self._slots[cells]

@@ -13,6 +13,7 @@ from obscurance_addon.core.influence_list import ListBake
 from obscurance_addon.core.settings import BakeSettings
 
 from .changing_scenes import furniture, objects_of, scene_object, turned
+from .scenes import box, floor
 
 SETTINGS = BakeSettings(64, distance=0.25, threads=2, use_bleeding=False)
 
@@ -78,3 +79,22 @@ def test_colours_and_disappearance():
         listed.update(change)
         np.testing.assert_array_equal(listed.r_ave, exact.r_ave)
         assert listed.last.patches > 0 or change["ball"] is None
+
+
+def test_lists_do_not_depend_on_what_is_kept():
+    """Patches that see the mover by rays of their own stay listed, also where what else they meet is known from before.
+
+    The mover has few rays, so that it meets few of the small patches that see it.
+    """
+    meshes = {"floor": floor((0, 0), (1, 1), 24, 24), "box": box((0.4, 0.4, 0.1), (0.6, 0.6, 0.2), 1)}
+    keeping, tracing = (
+        ListBake(objects_of(meshes), replace(SETTINGS, rays=16), movers={"box"}, ceiling_bytes=size)
+        for size in (1 << 24, 0)
+    )
+    updates = []
+    for x in (0.01, 0.02, 0.03, 0.02, 0.01):
+        change = {"box": scene_object(meshes["box"].moved(offset=(x, 0, 0)), 1000)}
+        updates.append([bake.update(change) for bake in (keeping, tracing)])
+        np.testing.assert_array_equal(keeping.values("floor").grey, tracing.values("floor").grey)
+    assert all(one.patches == other.patches for one, other in updates)
+    assert updates[-1][0].cached > 0

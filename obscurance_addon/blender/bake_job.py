@@ -38,8 +38,6 @@ _NAMES_IN_ERRORS = 8
 
 TRACERS = IntersectorCache()  # while a user tries settings, the geometry stays
 _OPEN: weakref.WeakSet[BakeJob] = weakref.WeakSet()  # jobs that still may write
-
-
 _committed = 0
 
 
@@ -185,9 +183,9 @@ class BakeJob:
         global _committed
         try:
             report = self._bake.write()
+            _committed += 1
         finally:
             self.is_open = False
-            _committed += 1
         return replace(
             report,
             seconds={**report.seconds, "extract": report.seconds["extract"] + self._extract_seconds},

@@ -21,6 +21,9 @@ _DEFORM_ONLY = {
     "WEIGHTED_NORMAL",
 }  # fmt: skip
 
+# Modifiers that do the same to every face, wherever it is.
+_ALL_FACES_ALIKE = {"SUBSURF", "MULTIRES", "SOLIDIFY"}
+
 
 @contextmanager
 def carried_indices(objects: list[bpy.types.Object], needs_rest: bool) -> Iterator[dict[int, int]]:
@@ -53,6 +56,17 @@ def carried_indices(objects: list[bpy.types.Object], needs_rest: bool) -> Iterat
                 if name in mesh.attributes:
                     mesh.attributes.remove(mesh.attributes[name])
             mesh.update()
+
+
+def keeps_links(ob: bpy.types.Object) -> bool:
+    """Whether faces come from the same unmodified ones for as long as they hang together as they do.
+
+    Other modifiers choose faces by where vertices are, or by what else they are told.
+    """
+    return all(
+        not modifier.show_viewport or modifier.type in _DEFORM_ONLY or modifier.type in _ALL_FACES_ALIKE
+        for modifier in ob.modifiers
+    )
 
 
 def _may_change_topology(ob: bpy.types.Object) -> bool:

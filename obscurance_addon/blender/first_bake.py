@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 
-from ..core.errors import BakeCancelledError
 from ..core.light_settings import Quantity
 from .frame_update import FrameUpdater
 from .job_monitor import JobMonitor
@@ -43,5 +42,5 @@ class FirstBake:
 
     def check(self) -> None:
         """Raise what stopped the bake."""
-        if self._error is not None and not isinstance(self._error, BakeCancelledError):
+        if self._error is not None:
             raise self._error

@@ -6,9 +6,9 @@ the objects that did. The index tells what they were baked with, and for each ob
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
-import re
 import shutil
 import zipfile
 from bisect import bisect_right
@@ -20,13 +20,12 @@ import numpy as np
 
 from ..core.errors import ObscuranceError
 from . import baked_record, color_attribute
-from .mesh_arrays import read_mesh
+from .mesh_arrays import read_face_start
 from .output_settings import OutputSettings, Target
 from .result_writer import spread
 
 _INDEX = "index.json"
 _VERSION = 1
-_FRAME_NAME = re.compile(r"frame_-?\d+\.npz")
 
 
 class FrameCacheError(ObscuranceError):
@@ -99,6 +98,10 @@ class FrameCache:
         """Names of the objects that have values."""
         return list(self._objects)
 
+    def stored_frames(self) -> set[int]:
+        """The frames that have a file."""
+        return set().union(*self._objects.values())
+
     def forget_shown(self) -> None:
         """Write all values next time, whatever was written before."""
         self._shown: dict[str, int] = {}
@@ -124,7 +127,7 @@ class FrameCache:
         for stored in sorted(set(wanted.values())):
             values = self._load(stored)
             for name in (name for name, at in wanted.items() if at == stored):
-                self._write(bpy.context.view_layer.objects[name], values[name])
+                self._write(objects[name], values[name])
                 self._shown[name] = stored
         return list(wanted), [name for name in self._objects if name not in objects]
 
@@ -132,9 +135,9 @@ class FrameCache:
         path = self.folder / _name(frame)
         try:
             with np.load(path) as stored:
-                names = json.loads(str(stored["names"]))
-                return {name: stored[str(i)] for i, name in enumerate(names)}
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+                place = {name: str(i) for i, name in enumerate(json.loads(str(stored["names"])))}
+                return {name: stored[place[name]] for name, frames in self._objects.items() if frame in frames}
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise FrameCacheError(f"'{path}' cannot be read ({error}): bake the frames again") from None
 
     def _write(self, ob: bpy.types.Object, colours: np.ndarray) -> None:
@@ -155,7 +158,7 @@ class FrameCache:
             if not color_attribute.is_color(mesh, name, domain):
                 color_attribute.check_name(ob, name)
             layer = color_attribute.prepare(mesh, name, domain)
-            face_start = read_mesh(mesh).face_start if domain != output.target else None
+            face_start = read_face_start(mesh) if domain != output.target else None
             color_attribute.fill(mesh, layer, name, spread(colours, face_start))
             baked_record.remember(mesh, name, self._stored, output.exposure)
 
@@ -250,12 +253,13 @@ def _check_replaceable(folder: Path) -> list[str]:
     FrameCacheError
         When it holds anything else, which a bake must not remove.
     """
-    names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
-    if not names and not folder.is_file():
-        return []
-    others = [name for name in names if name != _INDEX and not _FRAME_NAME.fullmatch(name)]
-    if not others and _INDEX in names:
-        FrameCache.open(folder)
-        return names
-    what = f"holds '{(others or names)[0]}', which is not of a frame cache" if names else "is a file"
-    raise FrameCacheError(f"'{folder}' {what}: choose another folder")
+    if folder.is_file():
+        raise FrameCacheError(f"'{folder}' is a file: choose another name")
+    names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+    own: set[str] = set()
+    if _INDEX in names:
+        with contextlib.suppress(ObscuranceError):  # an index that cannot be read is somebody else's
+            own = {_INDEX, *map(_name, FrameCache.open(folder).stored_frames())}
+    if others := sorted(names - own):
+        raise FrameCacheError(f"'{folder}' holds '{others[0]}', which is not of a frame cache: choose another folder")
+    return sorted(names)

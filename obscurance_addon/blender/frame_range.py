@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ..core.errors import GeometryError
+from ..core.errors import GeometryError, SettingsError
 from ..core.light_settings import LightSettings
 from ..core.settings import BakeSettings
 from ..core.update_results import UpdateMode
@@ -18,7 +18,7 @@ from .baked_record import what_is_stored
 from .frame_cache import FrameCache, FrameCacheWriter
 from .frame_update import NOTHING_DONE, FrameReport, FrameUpdater
 from .full_update import FullUpdater
-from .output_settings import OutputSettings
+from .output_settings import OutputSettings, Target
 
 
 @dataclass(frozen=True)
@@ -69,17 +69,19 @@ def bake_frames(
     Raises
     ------
     ObscuranceError
-        When nothing can be baked, or the cache cannot be written; an older cache is then still there.
+        When nothing can be baked, or the cache cannot be put in its place,
+    OSError
+        or written; an older cache is then still there.
     """
+    if output.target is Target.LIGHTMAP:
+        raise SettingsError("frames are baked into attributes: choose another target than LIGHTMAP")
     scene = context.scene
     current, objects = scene.frame_current, list(objects)
     writer = FrameCacheWriter(frames.folder, output, what_is_stored(light), notes)
     try:
         updater: FrameUpdater | FullUpdater | None = None
         for frame in frames:
-            with at_every_frame(
-                lambda _scene, depsgraph, updater=updater: updater and updater.note(depsgraph)
-            ):  # it forgets them later
+            with _noted_by(updater):
                 scene.frame_set(frame)
             try:
                 if updater is None:
@@ -133,6 +135,13 @@ def stored_colours(ob: bpy.types.Object, output: OutputSettings) -> np.ndarray:
     rgba = np.empty(len(data) * 4, np.float32)
     data.foreach_get("color", rgba)
     return rgba.reshape(-1, 4)[:, :3]
+
+
+def _noted_by(updater: FrameUpdater | FullUpdater | None) -> AbstractContextManager:
+    """Tell an updater what the depsgraph evaluates while a frame is set, which it forgets afterwards."""
+    if updater is None:
+        return nullcontext()
+    return at_every_frame(lambda _scene, depsgraph: updater.note(depsgraph))
 
 
 @contextmanager

@@ -60,13 +60,18 @@ def read_attribute(mesh: bpy.types.Mesh, name: str, field_name: str, dtype: str,
     return values.reshape(-1, width) if width > 1 else values
 
 
+def read_face_start(mesh: bpy.types.Mesh) -> np.ndarray:
+    """First corner of each face, and the number of corners, (f + 1,) int32."""
+    face_start = np.empty(len(mesh.polygons) + 1, np.int32)
+    mesh.polygons.foreach_get("loop_start", face_start[:-1])
+    face_start[-1] = len(mesh.loops)
+    return face_start
+
+
 def read_mesh(mesh: bpy.types.Mesh, uv_map: str | None = None) -> MeshArrays:
     """Arrays of a mesh that has at least one face, and a UV map ('' for the one that renders); main thread."""
     mesh.calc_loop_triangles()
-    n_faces, n_corners, n_triangles = len(mesh.polygons), len(mesh.loops), len(mesh.loop_triangles)
-    face_start = np.empty(n_faces + 1, np.int32)
-    mesh.polygons.foreach_get("loop_start", face_start[:-1])
-    face_start[-1] = n_corners
+    n_faces, n_triangles = len(mesh.polygons), len(mesh.loop_triangles)
     triangle_corners = np.empty(n_triangles * 3, np.int32)
     mesh.loop_triangles.foreach_get("loops", triangle_corners)
     triangle_face = np.empty(n_triangles, np.int32)
@@ -78,7 +83,7 @@ def read_mesh(mesh: bpy.types.Mesh, uv_map: str | None = None) -> MeshArrays:
     return MeshArrays(
         positions=read_attribute(mesh, "position", "vector", "f4", 3),
         corner_vertex=read_attribute(mesh, ".corner_vert", "value", "i4", 1),
-        face_start=face_start,
+        face_start=read_face_start(mesh),
         triangle_corners=triangle_corners.reshape(-1, 3),
         triangle_face=triangle_face,
         face_material=_optional(mesh, "material_index", "i4", n_faces),
@@ -97,9 +102,7 @@ def same_faces(mesh: bpy.types.Mesh, arrays: MeshArrays) -> bool:
     counts = (len(arrays.positions), len(arrays.corner_vertex), len(arrays.face_start) - 1)
     if (len(mesh.vertices), len(mesh.loops), len(mesh.polygons)) != counts:
         return False
-    face_start = np.empty(len(mesh.polygons), np.int32)
-    mesh.polygons.foreach_get("loop_start", face_start)
-    return np.array_equal(face_start, arrays.face_start[:-1]) and np.array_equal(
+    return np.array_equal(read_face_start(mesh), arrays.face_start) and np.array_equal(
         read_attribute(mesh, ".corner_vert", "value", "i4", 1), arrays.corner_vertex
     )
 

@@ -15,15 +15,13 @@ import numpy as np
 from ..core.errors import ObscuranceError
 from ..core.scene_objects import same_numbers
 from .bake_arrays import shade
+from .carried_indices import keeps_links
 from .mesh_arrays import MeshArrays, read_mesh, same_faces
 from .scene_geometry import BakedObject, SceneSnapshot
 from .scene_reader import ObjectSnapshot, SceneReader, instance_key, materials_of
 
 # Kinds of data whose change may change how any object looks.
 _LOOKS = (bpy.types.Material, bpy.types.NodeTree, bpy.types.Image, bpy.types.Texture)
-
-# Values of modifiers that make no face: how panels show them, and how long they took.
-_IDLE = {"execution_time", "is_active", "show_expanded", "ui_expand_edit", "persistent_uid"}
 
 
 class NotUpdatableError(ObscuranceError):
@@ -62,9 +60,6 @@ class SceneChanges:
         untied: dict[Hashable, MeshArrays],
     ) -> None:
         self._wanted, self._baked_layers, self._untied = wanted, baked_layers, untied
-        self._modifiers = {
-            ob.session_uid: _modifier_state(ob) for ob in bpy.data.objects if ob.modifiers and ob.session_uid in wanted
-        }
         self.known: dict[Hashable, Change] = {
             baked.snapshot.key: Change(baked.snapshot, baked) for baked in snapshot.baked
         }
@@ -127,22 +122,15 @@ class SceneChanges:
             if same_numbers(matrix, old.snapshot.matrix):
                 return old
             return _moved(old, replace(old.snapshot, matrix=matrix))
-        new, key, uid = reader.read(instance), instance_key(instance), ob.original.session_uid
-        if old is not None and key in self._untied and _same(new.mesh, self._untied[key]):
+        new = reader.read(instance)
+        if old is not None and new.key in self._untied and _same(new.mesh, self._untied[new.key]):
             new = replace(new, mesh=old.snapshot.mesh, surface=old.snapshot.surface)
-        elif (
-            old is not None
-            and old.baked is not None
-            and old.snapshot.mesh.face_origin is not None
-            and self._modifiers.get(uid) != _modifier_state(ob.original)
-        ):  # faces that hang together as before may be other ones
-            raise NotUpdatableError(f"the modifiers of object '{ob.name}' are others than before")
         if old is not None and _same(new.mesh, old.snapshot.mesh):
             if is_same and _same_look(new, old.snapshot):
                 new = replace(old.snapshot, matrix=matrix)
                 return old if same_numbers(matrix, old.snapshot.matrix) else _moved(old, new)
             return _moved(old, replace(new, mesh=old.snapshot.mesh))
-        if instance.is_instance or uid not in self._wanted:
+        if instance.is_instance or ob.original.session_uid not in self._wanted:
             return Change(new, None)
         baked = self._tied(ob.original, new, old)
         return Change(baked.snapshot, baked)
@@ -159,7 +147,7 @@ class SceneChanges:
                 self._untied[new.key] = mesh
                 raise NotUpdatableError(f"the modifiers of object '{ob.name}' make other faces than before")
             return BakedObject(new, mesh, ob.session_uid)
-        if not _same_topology(mesh, before.snapshot.mesh):
+        if not keeps_links(ob) or not _same_topology(mesh, before.snapshot.mesh):
             raise NotUpdatableError(f"the modifiers of object '{ob.name}' make other faces than before")
         base = read_mesh(ob.data)
         if before.snapshot.mesh.rest is not None and not same_numbers(base.positions, before.base.positions):
@@ -186,19 +174,3 @@ def _same_topology(one: MeshArrays, other: MeshArrays) -> bool:
 def _same_look(one: ObjectSnapshot, other: ObjectSnapshot) -> bool:
     """Whether the faces of two snapshots of one mesh have the same colours."""
     return all(same_numbers(a, b) for a, b in zip(shade(one), shade(other), strict=True))
-
-
-def _modifier_state(ob: bpy.types.Object) -> list[tuple]:
-    """All plain values of the modifiers of an object."""
-    return [
-        (
-            modifier.type,
-            *(
-                tuple(value) if getattr(prop, "is_array", False) else value
-                for prop in modifier.bl_rna.properties
-                if prop.type in {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"} and prop.identifier not in _IDLE
-                for value in [getattr(modifier, prop.identifier)]
-            ),
-        )
-        for modifier in ob.modifiers
-    ]

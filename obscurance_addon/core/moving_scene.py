@@ -57,8 +57,7 @@ class MovingScene:
             self._static_end = _number(states, 0)
             self._write(states)
         self._static = states
-        layer = self._layer(states)
-        self.static = layer
+        self.static = self._layer(states)
 
     def set_movers(self, resting: list[ObjectState], changed: list[ObjectState]) -> None:
         """Say what moved before and what moves now."""

@@ -247,7 +247,7 @@ def _finite(distance: float) -> float | str:
 
 def _objects(context, options: argparse.Namespace) -> list:
     """The objects named, or all that render; over a range of frames, also those that may render later."""
-    from .blender.frame_update import objects_over_time
+    from .blender.followed_objects import objects_over_time
     from .blender.render_visibility import rendered_meshes
 
     names = options.objects

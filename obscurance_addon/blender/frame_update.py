@@ -26,10 +26,10 @@ from ..core.scene_objects import SceneObject
 from ..core.settings import BakeSettings
 from ..core.update_results import UpdateMode
 from .bake_job import check_destination, writable_objects
+from .followed_objects import likely_movers
 from .mesh_arrays import MeshArrays
 from .object_arrays import ObjectArrays
 from .output_settings import OutputSettings, Scale, Target
-from .render_visibility import rendered_meshes
 from .result_writer import refresh_values, write_values
 from .scene_changes import Change, NotUpdatableError, SceneChanges
 from .scene_geometry import BakedObject, snapshot_scene
@@ -127,7 +127,7 @@ class FrameUpdater:
         )
         self.notes = list(dict.fromkeys([*self.notes, *snapshot.notes]))
         self.changes = SceneChanges(snapshot, self.wanted, layers, self._untied)
-        self._movers |= _likely_movers(context) & self.changes.known.keys()
+        self._movers |= likely_movers(context) & self.changes.known.keys()
 
     def compute(self, monitor: Monitor | None = None) -> None:
         """The full bake of what was read; any thread, without bpy."""
@@ -226,31 +226,3 @@ class FrameUpdater:
         is_white = self._output.scale is Scale.WHITE
         colours = self._bake.white(key) if is_white else self._bake.values(key).coloured
         return colours[self._elements[key]]
-
-
-def objects_over_time(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Mesh objects with faces that render now, or are animated, so that they may render later."""
-    now = {ob.session_uid for ob in rendered_meshes(context)}
-    return [
-        ob
-        for ob in context.view_layer.objects
-        if ob.type == "MESH" and len(ob.data.polygons) and (ob.session_uid in now or is_animated(ob))
-    ]
-
-
-def _likely_movers(context: bpy.types.Context) -> set[Hashable]:
-    """Session uids of objects that are animated in some way, which spares them being found out later."""
-    return {ob.session_uid for ob in context.view_layer.objects if is_animated(ob)}
-
-
-def is_animated(ob: bpy.types.Object) -> bool:
-    """Whether an object looks like one that will move, deform, or come and go."""
-    if ob.animation_data is not None or ob.constraints or ob.rigid_body is not None:
-        return True
-    data = ob.data
-    keys = getattr(data, "shape_keys", None)
-    if getattr(data, "animation_data", None) is not None or (keys is not None and keys.animation_data is not None):
-        return True
-    if any(modifier.type == "ARMATURE" for modifier in ob.modifiers):
-        return True
-    return ob.parent is not None and is_animated(ob.parent)

@@ -18,13 +18,12 @@ from ..core.settings import BakeSettings
 from ..core.update_results import UpdateMode
 from . import status_line
 from .bake_job import commit_count, is_baking
-from .baked_record import is_own_color
+from .cache_playback import CachePlayback
 from .first_bake import FirstBake
-from .frame_cache import FrameCache
-from .frame_update import FrameReport, FrameUpdater, objects_over_time
+from .followed_objects import preview_objects
+from .frame_update import FrameReport, FrameUpdater
 from .full_update import FullUpdater
 from .output_settings import OutputSettings, Target
-from .scene_reader import names_of
 
 _SETTLED_S = 0.15  # without a change before an edit is followed
 _POLL_S = 0.05
@@ -50,8 +49,7 @@ class LivePreview:
         self._updater: FrameUpdater | FullUpdater | None = None
         self._asked: tuple | None = None  # what the updater was made for
         self._starting: FirstBake | None = None
-        self._cache: FrameCache | None = None
-        self._cache_key: tuple[str, float] | None = None
+        self._playback = CachePlayback(self._tell_once)
         self._seen: tuple[int, int] | None = None
         self._followed: set[int] = set()
         self._rewrite = False
@@ -74,8 +72,7 @@ class LivePreview:
     def distrust(self) -> None:
         """After undo and redo: read everything again, and write all values."""
         self._rewrite = True
-        if self._cache is not None:
-            self._cache.forget_shown()
+        self._playback.forget_shown()
         self._distrust_updater()
 
     def _distrust_updater(self) -> None:
@@ -94,7 +91,7 @@ class LivePreview:
             if depsgraph.mode == "RENDER":
                 self._tell_once("frames that render while a mesh is in Edit Mode keep the values that they had")
             return
-        if status_line.has_window() and self._updater is None and not self._is_cached(scene):
+        if status_line.has_window() and self._updater is None and not self._playback.has(scene):
             self.on_change(scene, None)
             return
         self._bring_up_to_date(scene, depsgraph)
@@ -130,7 +127,7 @@ class LivePreview:
         if is_baking() or self._starting is not None or bpy.app.is_job_running("RENDER") or _in_edit_mode():
             return _BUSY_S
         bpy.context.view_layer.update()  # objects that were deleted are gone from it only then
-        if self._is_cached(scene) or self._is_current(scene):
+        if self._playback.has(scene) or self._is_current(scene):
             self._bring_up_to_date(scene, bpy.context.evaluated_depsgraph_get())
         else:
             self._busy = True
@@ -147,11 +144,11 @@ class LivePreview:
         try:
             if self._commits != commit_count():  # by the button, with whatever settings
                 self.distrust()
-            if self._show_cached(scene):
+            if self._playback.has(scene):
                 self._rewrite = True  # what the updater wrote last is there no more
+                self.status = self._playback.show(scene)
                 return
-            if self._cache is not None:
-                self._cache.forget_shown()
+            self._playback.forget_shown()
             # Values belong to the meshes of the viewport, as those of a bake do, which a render leaves where they were.
             # What other handlers do in a frame is evaluated after all of them, and no update names it.
             is_render = depsgraph.mode == "RENDER"
@@ -185,7 +182,7 @@ class LivePreview:
         try:
             if output.target is Target.LIGHTMAP:
                 raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
-            objects = preview_objects(output.attribute_name)
+            objects = preview_objects(bpy.context, output.attribute_name)
             if light.needs_light:
                 updater = FullUpdater(objects, settings, output, light)
                 self._tell_once(f"{updater.update(bpy.context).full}: everything is baked anew at every change")
@@ -208,7 +205,9 @@ class LivePreview:
         """The first bake is written."""
         self._updater = updater
         self._seen = len(bpy.context.view_layer.objects), commit_count()
-        self._followed = updater.wanted | {ob.session_uid for ob in preview_objects(scene.obscurance.attribute_name)}
+        self._followed = updater.wanted | {
+            ob.session_uid for ob in preview_objects(bpy.context, scene.obscurance.attribute_name)
+        }
         self.status = "Following the scene"
 
     def poll(self) -> float | None:
@@ -243,41 +242,18 @@ class LivePreview:
         if seen == self._seen:
             return False
         self._seen = seen
-        followed = {ob.session_uid for ob in preview_objects(scene.obscurance.attribute_name)}
+        followed = _uids_to_follow(scene)
         has_new = not followed <= self._followed
         self._followed |= followed
         return has_new
-
-    def _is_cached(self, scene: bpy.types.Scene) -> bool:
-        folder = bpy.path.abspath(scene.obscurance.frame_cache) if scene.obscurance.frame_cache else ""
-        key = (folder, FrameCache.written_at(folder)) if folder else None
-        if key != self._cache_key:
-            self._cache_key, self._cache = key, None
-            try:
-                self._cache = FrameCache.open(folder) if folder else None
-            except ObscuranceError as error:  # then frames are computed
-                self._tell_once(str(error))
-        return self._cache is not None and self._cache.has(scene.frame_current)
-
-    def _show_cached(self, scene: bpy.types.Scene) -> bool:
-        """Write the cached values of this frame, where there are some."""
-        try:
-            if not self._is_cached(scene):
-                return False
-            changed, missing = self._cache.show(scene.frame_current)
-        except ObscuranceError as error:
-            self._give_up(error)
-            return True
-        self.status = f"Frame {scene.frame_current} from the cache, {len(changed)} objects changed"
-        if missing:
-            self._tell_once(f"the frame cache has values for {names_of(missing)}, which the scene has not")
-        return True
 
     def _tell(self, report: FrameReport) -> None:
         if report.full and isinstance(self._updater, FrameUpdater):
             self._tell_once(f"{report.full}: everything was baked anew")
         elif self._updater.cache_is_full:
-            self._tell_once("the memory for cached hits is used up, so updates take longer; see Preview Memory")
+            self._tell_once(
+                "the memory for cached hits is used up, so updates take longer; there is Memory in the panel"
+            )
         self.status = (
             f"{report.patches:,} of {report.all_patches:,} patches in {1e3 * report.seconds:.1f} ms"
             if report.patches
@@ -297,7 +273,6 @@ class LivePreview:
         self._updater = self._asked = self._starting = None
         self.status = str(error)
         self._tell_once(str(error))
-        _log.warning("Live Preview: %s", error)
 
 
 PREVIEW = LivePreview()
@@ -311,14 +286,6 @@ def _poll() -> float | None:
     return PREVIEW.poll()
 
 
-def preview_objects(attribute_name: str) -> list[bpy.types.Object]:
-    """The objects to follow: those baked under this name, or all that render now or may later if none is."""
-    context = bpy.context
-    meshes = [ob for ob in context.view_layer.objects if ob.type == "MESH" and len(ob.data.polygons)]
-    baked = [ob for ob in meshes if is_own_color(ob.data, attribute_name)]
-    return baked or objects_over_time(context)
-
-
 def _asked_of(
     scene: bpy.types.Scene,
 ) -> tuple[BakeSettings, OutputSettings, LightSettings, UpdateMode, int, tuple[int, str]]:
@@ -326,6 +293,10 @@ def _asked_of(
     mode = UpdateMode(group.preview_mode)
     where = scene.session_uid, bpy.context.view_layer.name
     return group.to_settings(), group.to_output(), group.to_light(), mode, group.preview_memory, where
+
+
+def _uids_to_follow(scene: bpy.types.Scene) -> set[int]:
+    return {ob.session_uid for ob in preview_objects(bpy.context, scene.obscurance.attribute_name)}
 
 
 def _others_listen() -> bool:

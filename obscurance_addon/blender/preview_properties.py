@@ -47,8 +47,8 @@ class PreviewProperties:
     )
     preview_memory: IntProperty(
         name="Memory",
-        description="Memory for hits that stay the same from frame to frame, in MiB, 8 bytes a ray. Where it is used "
-        "up, updates take longer",
+        description="Memory for hits that stay the same from frame to frame, in MiB, about 8 bytes a ray. Where it "
+        "is used up, updates take longer",
         default=DEFAULT_MEMORY_MIB,
         min=0,
         max=1 << 20,

@@ -126,6 +126,16 @@ def test_what_makes_no_sense_is_said_before_anything_is_baked(scene, capsys, opt
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("quantity", ["OBSCURANCE", "DIRECT"])
+def test_a_file_that_asks_for_a_lightmap_is_refused(scene, tmp_path, capsys, quantity):
+    bpy.context.scene.obscurance.target = "LIGHTMAP"
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    out = tmp_path / "o.blend"
+    assert run(scene, "--output", out, "--frames", "1-2", "--quantity", quantity) == 1
+    assert "another target than LIGHTMAP" in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_an_unknown_format_is_named(scene, tmp_path, capsys):
     assert run(scene, "--output", tmp_path / "o.blend", "--frames", "1-2", "--export", tmp_path / "o.fbx") == 1
     assert "o.fbx" in capsys.readouterr().err
@@ -202,6 +212,16 @@ def test_an_export_leaves_no_layer_and_replaces_none_of_the_users(scene, tmp_pat
     bpy.ops.wm.save_as_mainfile(filepath=str(scene))
     assert run(scene, "--output", out, "--frames", "1-2", "--export", exported) == 1
     assert "'displayColor'" in capsys.readouterr().err
+
+
+def test_a_file_among_those_of_a_cache_is_kept(scene, tmp_path, capsys):
+    """One that is named like them, but that the index does not know."""
+    out, folder = tmp_path / "o.blend", tmp_path / "o_frames"
+    assert run(scene, "--output", out, "--frames", "1-2", "--quiet") == 0
+    (folder / "frame_000007.npz").write_text("mine")
+    assert run(scene, "--output", out, "--frames", "1-2") == 1
+    assert "'frame_000007.npz'" in capsys.readouterr().err
+    assert (folder / "frame_000007.npz").read_text() == "mine"
 
 
 @pytest.mark.parametrize("names", [["frame_0001.npz"], ["index.json"]])

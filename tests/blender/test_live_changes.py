@@ -195,3 +195,25 @@ def test_everything_hidden_and_back(preview):
     bpy.data.objects.remove(ground)
     at(4)
     assert np.isfinite(colors(preview["Floor"])).all()
+
+
+@pytest.mark.parametrize(("kind", "full"), [("SUBSURF", False), ("SOLIDIFY", False), ("TRIANGULATE", True)])
+def test_modifiers_over_a_shape_that_changes(room, empty_scene, monkeypatch, kind, full):
+    """Those that choose faces by where vertices are may choose others, though these hang together as before."""
+    mover = room["Mover"]
+    mover.location.z = 1.0
+    mover.shape_key_add(name="Basis")
+    bulge = mover.shape_key_add(name="Bulge")
+    for i, point in enumerate(bulge.data):
+        point.co = point.co * (1.0 + 0.2 * (i % 3))
+    for frame, value in ((1, 0.0), (10, 1.0)):
+        bulge.value = value
+        bulge.keyframe_insert("value", frame=frame)
+    mover.modifiers.new("Modifier", kind)
+    empty_scene.obscurance.live_preview = True
+    at(1)
+    with counted(monkeypatch) as reports:
+        for frame in (4, 8):
+            at(frame)
+            assert_as_baked_anew(room.values())
+    assert [bool(report.full) for report in reports] == [full, full]

@@ -4,7 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
-from obscurance_addon.blender import frame_update, full_update, handlers, live_preview
+from obscurance_addon.blender import frame_update, full_update, handlers
+from obscurance_addon.blender.followed_objects import preview_objects
 from obscurance_addon.blender.live_preview import PREVIEW
 from obscurance_addon.core.errors import ObscuranceError
 
@@ -357,7 +358,7 @@ def test_what_was_baked_before_is_what_is_followed(room, empty_scene):
     empty_scene.obscurance.live_preview = True
     at(2)
     assert FACE_LAYER not in room["Wall"].data.attributes
-    assert [ob.name for ob in live_preview.preview_objects(FACE_LAYER)] == ["Floor"]
+    assert [ob.name for ob in preview_objects(bpy.context, FACE_LAYER)] == ["Floor"]
 
 
 def test_an_animated_mesh_without_a_finite_place_is_survived(preview):

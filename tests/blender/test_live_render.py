@@ -86,6 +86,7 @@ def test_every_rendered_frame_has_its_own_values(stage, tmp_path, options):
 
 def test_light_that_is_animated_has_its_values_when_a_frame_renders(stage, tmp_path):
     scene = bpy.context.scene
+    bpy.data.objects["Block"].animation_data_clear()  # nothing changes but the lamp
     lit = floor("Lit", size=1.0)
     lit.location = (0, 0, 1.5)
     lamp = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))

@@ -1,8 +1,10 @@
 """Charts do not overlap, keep their distance, have one density, and what cannot be placed is told."""
 
+import importlib.util
 import subprocess
 import sys
 import time
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -395,6 +397,22 @@ def running(pid):
             return file.read().rsplit(")", 1)[1].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+def test_atlases_rest_before_they_are_freed(monkeypatch):
+    """xatlas hangs when it frees an atlas whose threads have yet to fall asleep."""
+    spec = importlib.util.spec_from_file_location("retired", module.WORKER / "retired.py")
+    retired = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(retired)
+    now = [0.0]
+    monkeypatch.setattr(retired.time, "monotonic", lambda: now[0])
+    alive = []
+    for now[0] in (0.0, 0.9 * retired.REST, 1.1 * retired.REST):
+        atlas = icosphere(0)  # any object that can be watched
+        alive.append(weakref.ref(atlas))
+        retired.retire(atlas)
+        del atlas
+    assert [ref() is not None for ref in alive] == [False, True, True]
 
 
 def test_progress_grows_to_its_end():

@@ -14,11 +14,12 @@ import faulthandler
 import os
 import signal
 import sys
+import traceback
 from pathlib import Path
 
 import numpy as np
 from charts import Cut, Unplaceable, cut_mesh
-from packer import pack_cuts
+from packer import ORPHANED, pack_cuts
 
 PR_SET_PDEATHSIG = 1
 
@@ -45,7 +46,7 @@ def main(folder: Path, parent: int) -> None:
     limit = (int(job["size"]) - 1) / float(job["density"]) if job["density"] else np.inf
     cuts = []
     for i, seconds in enumerate(job["seconds"]):
-        faulthandler.dump_traceback_later(float(seconds), exit=True)  # also ends an orphan, whatever the system
+        faulthandler.dump_traceback_later(ORPHANED * float(seconds), exit=True)
         say(f"mesh {i}")
         cut = Cut(*(job[f"{name}{i}"] for name in ("face_start", "corners", "face", "points")))
         try:
@@ -56,8 +57,17 @@ def main(folder: Path, parent: int) -> None:
     np.savez(folder / "result.npz", **pack_cuts(xatlas, cuts, job, say))
 
 
-if __name__ == "__main__":
+def ended() -> int:
+    """Runs `main` and returns the exit code."""
     try:
         main(Path(sys.argv[1]), int(sys.argv[2]))
     except Unplaceable as answer:
         say(str(answer))
+    except Exception:
+        traceback.print_exc()
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    os._exit(ended())  # frees no atlas: that may hang (see `retired`)

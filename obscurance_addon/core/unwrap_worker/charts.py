@@ -10,6 +10,7 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 
 import numpy as np
+from retired import retire
 
 BOX = 1000.0  # side of the box that a mesh is scaled to: xatlas hangs on huge coordinates, drops areas below 1e-7
 CHARTS_AT_LEAST = 8  # per mesh, and ...
@@ -74,6 +75,7 @@ def run_xatlas(xatlas: object, cut: Cut, largest: float) -> set[int]:
     vertices = roughened(vertices, triangles)
     atlas.add_mesh(vertices.astype(np.float32), triangles.astype(np.uint32))
     atlas.generate(chart_options=options, pack_options=packing)
+    retire(atlas)
     if atlas.atlas_count == 0:
         return set()
     _, index, uv = atlas.get_mesh(0)

@@ -8,7 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 from charts import Cut, Unplaceable, twice_areas
+from retired import retire
 
+ORPHANED = 2.0  # times its patience, no parent has ended this process: it ends itself, whatever the system
 NONE = 0xFFFFFFFF  # what xatlas has for no chart
 NUDGE = 0.02  # texel, the width given to triangles that xatlas would not see
 SNAP = 2.0**-10  # texel; corners are either equal or so far apart that xatlas sees a triangle between them
@@ -38,7 +40,7 @@ class Packer:
 
     def pack(self, density: float) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
         """Number of pages; page (n,) int, corner (n, 2) in texels and whether x and y are exchanged, of each chart."""
-        faulthandler.dump_traceback_later(self.seconds, exit=True)
+        faulthandler.dump_traceback_later(ORPHANED * self.seconds, exit=True)
         self.say(f"pack {self.tries}")
         self.tries += 1
         shapes, chart = self._shapes(density)
@@ -55,6 +57,7 @@ class Packer:
             groups.append((uv, index, np.ascontiguousarray(chart[first:last, None], np.uint32)))
             atlas.add_uv_mesh(*groups[-1])
         atlas.generate(pack_options=options)
+        retire(atlas)
         uv = np.concatenate([atlas.get_mesh(i)[2] for i in range(len(groups))])
         page, part = np.concatenate([atlas.get_mesh_vertex_assignment(i) for i in range(len(groups))], 1)
         anchor = 3 * np.searchsorted(chart, np.arange(self.count))  # the first triangle of each chart

@@ -101,9 +101,16 @@ class AtlasTriangles:
     def __len__(self) -> int:
         return len(self.page)
 
-    def place(self, triangle: np.ndarray, uv: np.ndarray) -> np.ndarray:
-        """Positions (m, 3) float64 on the surface of places (m, 2) in texels on triangles (m,)."""
-        return self.corner[triangle] + np.einsum("mi,mij->mj", uv - self.uv[triangle, 0], self.step[triangle])
+    def origins(self) -> np.ndarray:
+        """Where rays of the place (0, 0) of the page would start, (t, 3) float64: on the surface but for the offset."""
+        to_first = np.einsum("ti,tij->tj", self.uv[:, 0], self.step)
+        return self.corner - to_first + self.offset[:, None] * self.frame[:, 2]
+
+    def frames(self) -> np.ndarray:
+        """As of `Cells` for texels wholly in each triangle, but for the row of the origin, (t, 3, 6) float32."""
+        frames = np.zeros((len(self), 3, 6), np.float32)
+        frames[:, :2, :3], frames[:, :, 3:] = self.step, self.frame
+        return frames
 
     def only(self, kept: np.ndarray) -> AtlasTriangles:
         """Some of the triangles, (k,) int."""

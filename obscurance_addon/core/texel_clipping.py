@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-_SLICE = 1 << 15  # squares cut at once: they stay in the cache
-_MOST_CORNERS = 7  # of a square cut by a triangle
+_SLICE = 1 << 14  # squares cut at once: they stay in the cache
+_SQUARE = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
 
 
 def spans(uv: np.ndarray, rows: tuple[int, int], size: int) -> tuple[tuple, tuple]:
@@ -60,64 +62,113 @@ def _crossings(uv: np.ndarray, line: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return left, right
 
 
-def cut_squares(uv: np.ndarray, triangle: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Texels (m,) cut by triangles: polygons (k, 7, 2), their numbers of corners, and triangle, x, y of each."""
+@dataclass(frozen=True)
+class Polygons:
+    """Convex polygons with three corners or more, counter-clockwise: m of them with v corners, one after the other.
+
+    Attributes
+    ----------
+    x, y : ndarray, (v,) float64
+    count : ndarray, (m,) int64
+        Corners of each.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    count: np.ndarray
+
+    def fans(self) -> Fans:
+        """The triangles that they consist of."""
+        end = np.cumsum(self.count)
+        is_second = np.ones(len(self.x), bool)
+        is_second[end - self.count] = is_second[end - 1] = False
+        second = np.flatnonzero(is_second)
+        first = np.repeat(end - self.count, self.count - 2)
+        x, y = self.x[first], self.y[first]
+        edges = np.stack([self.x[second] - x, self.y[second] - y, self.x[second + 1] - x, self.y[second + 1] - y])
+        return Fans(x, y, edges, 0.5 * (edges[0] * edges[3] - edges[1] * edges[2]), self.count - 2)
+
+
+@dataclass(frozen=True)
+class Fans:
+    """The f triangles of m polygons, those of one after those of the other.
+
+    Attributes
+    ----------
+    x, y : ndarray, (f,) float64
+        First corner.
+    edges : ndarray, (4, f) float64
+        From there to the second corner along x and y, then to the third.
+    area : ndarray, (f,) float64
+    count : ndarray, (m,) int64
+        Triangles of each polygon.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    edges: np.ndarray
+    area: np.ndarray
+    count: np.ndarray
+
+    def areas_of_polygons(self) -> np.ndarray:
+        """(m,) float64."""
+        return np.bincount(np.repeat(np.arange(len(self.count)), self.count), self.area, len(self.count))
+
+    def of_polygons(self, chosen: np.ndarray) -> tuple[Fans, np.ndarray]:
+        """Those of some polygons (k,) int that have an area, polygon by polygon, and which polygon each belongs to."""
+        first = np.cumsum(self.count) - self.count
+        owner, kept = ranges(first[chosen], first[chosen] + self.count[chosen])
+        has_area = self.area[kept] > 0.0  # a cell without area would get rays all the same
+        owner, kept = owner[has_area], kept[has_area]
+        count = np.bincount(owner, minlength=len(chosen))
+        return Fans(self.x[kept], self.y[kept], self.edges[:, kept], self.area[kept], count), owner
+
+
+def cut_squares(
+    uv: np.ndarray, triangle: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> tuple[Polygons, np.ndarray, np.ndarray, np.ndarray]:
+    """Texels (n,) cut by triangles: what polygons are left, and triangle, x, y of each."""
     found = []
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64)
     for at in range(0, len(x), _SLICE):
         part = slice(at, at + _SLICE)
-        corner = np.stack([x[part], y[part]], -1)
-        polygon = np.zeros((len(corner), _MOST_CORNERS, 2))
-        polygon[:, :4] = corner[:, None] + square
-        count = np.full(len(polygon), 4)
         own = uv[triangle[part]]
+        count = np.full(len(own), 4)
+        corner_x = (x[part, None] + _SQUARE[0]).ravel()
+        corner_y = (y[part, None] + _SQUARE[1]).ravel()
         for k in range(3):
-            _clip(polygon, count, own[:, k], own[:, (k + 1) % 3])
-        kept = np.flatnonzero(count > 2)
-        found.append((polygon[kept], count[kept], triangle[part][kept], x[part][kept], y[part][kept]))
+            corner_x, corner_y, count = _clip(corner_x, corner_y, count, own[:, k], own[:, (k + 1) % 3])
+        kept = count > 2
+        is_kept = np.repeat(kept, count)
+        found.append(
+            (corner_x[is_kept], corner_y[is_kept], count[kept], triangle[part][kept], x[part][kept], y[part][kept])
+        )
     if not found:
         none = np.zeros(0, np.int64)
-        return np.zeros((0, _MOST_CORNERS, 2)), none, none, none, none
-    return tuple(map(np.concatenate, zip(*found, strict=True)))
+        return Polygons(np.zeros(0), np.zeros(0), none), none, none, none
+    corner_x, corner_y, count, *rest = map(np.concatenate, zip(*found, strict=True))
+    return Polygons(corner_x, corner_y, count), *rest
 
 
-def _clip(polygon: np.ndarray, count: np.ndarray, a: np.ndarray, b: np.ndarray) -> None:
-    """Leave of convex polygons (m, 7, 2) with `count` (m,) corners what is left of the lines from a to b, each (m, 2).
-
-    Most polygons lie on one side of a line; only the others are cut.
-    """
-    edge = b - a
-    away = edge[:, None, 0] * (polygon[..., 1] - a[:, None, 1]) - edge[:, None, 1] * (polygon[..., 0] - a[:, None, 0])
-    used = np.arange(_MOST_CORNERS) < count[:, None]
-    outside = ((away < 0.0) & used).sum(1)
-    crossing = np.flatnonzero((outside > 0) & (outside < count))
-    count[outside == count] = 0
-    if len(crossing):
-        polygon[crossing], count[crossing] = _cut(polygon[crossing], count[crossing], away[crossing], used[crossing])
-
-
-def _cut(polygon: np.ndarray, count: np.ndarray, away: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Polygons (m, 7, 2) and their numbers of corners where `away` (m, 7), a distance, is not negative."""
-    m, k, _ = polygon.shape
-    corner = np.arange(k)
-    following = np.where(corner + 1 < count[:, None], corner + 1, 0)
-    away_next = np.take_along_axis(away, following, 1)
+def _clip(
+    x: np.ndarray, y: np.ndarray, count: np.ndarray, a: np.ndarray, b: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What is left of the lines from a to b, each (m, 2), of polygons as of `Polygons`, but with any count."""
+    start = np.concatenate([[0], np.cumsum(count)])
+    edge_x, edge_y, at_x, at_y = (np.repeat(values, count) for values in (*(b - a).T, *a.T))
+    away = edge_x * (y - at_y) - edge_y * (x - at_x)
+    following = np.arange(1, len(x) + 1)
+    some = count > 0
+    following[start[1:][some] - 1] = start[:-1][some]
     inside = away >= 0.0
-    crosses = used & (inside != (away_next >= 0.0))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        t = away / (away - away_next)
-        cut = polygon + t[..., None] * (np.take_along_axis(polygon, following[..., None], 1) - polygon)
-    corners = np.stack([polygon, cut], 2).reshape(m, 2 * k, 2)
-    kept = np.stack([inside & used, crosses], 2).reshape(m, 2 * k)
-    order = np.argsort(~kept, axis=1, kind="stable")[:, :k]
-    return np.take_along_axis(corners, order[..., None], 1), kept.sum(1)
-
-
-def polygon_areas(polygon: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Areas (m,) of polygons (m, k, 2) with `count` corners."""
-    corner = np.arange(polygon.shape[1])
-    shifted = polygon - polygon[:, :1]
-    x, y = shifted[..., 0], shifted[..., 1]
-    with np.errstate(invalid="ignore", over="ignore"):  # corners beyond `count` hold anything
-        cross = x[:, :-1] * y[:, 1:] - y[:, :-1] * x[:, 1:]
-    return 0.5 * np.where(corner[1:] < count[:, None], cross, 0.0).sum(1)
+    crosses = inside != inside[following]
+    end = np.concatenate([[0], np.cumsum(inside.view(np.int8) + crosses.view(np.int8), dtype=np.int64)])
+    crossing = np.flatnonzero(crosses)
+    beyond = following[crossing]
+    t = away[crossing] / (away[crossing] - away[beyond])
+    kept, cut = end[:-1][inside], end[1:][crossing] - 1
+    out = []
+    for values in (x, y):
+        out.append(np.empty(end[-1]))
+        out[-1][kept] = values[inside]
+        out[-1][cut] = values[crossing] + t * (values[beyond] - values[crossing])
+    return *out, np.diff(end[start])

@@ -6,14 +6,16 @@ that cross them, so that a texel at the border of a chart is just what the chart
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from .atlas_triangles import AtlasTriangles
 from .patches import Cells
 from .sobol import hash32
-from .texel_clipping import cut_squares, polygon_areas, ranges, spans
+from .texel_clipping import Fans, cut_squares, spans
 
 MIN_COVER = 1e-6  # share of a texel below which it counts as not covered
 OVERLAP = 1e-3  # by how much parts may exceed a texel before they overlap
@@ -39,8 +41,6 @@ class Texels:
         Covered share, 0 .. 1.
     area : ndarray, (n,) float64
         Of the covered part on the surface, normalised units squared.
-    position, normal : ndarray, (n, 3) float64
-        Centre and mean unit normal of the covered part, normalised coordinates.
     whole, parts : Cells
         Parallelograms and triangles; their patches are texels, and each texel has cells of one kind only.
     overlap : ndarray, (m,) int64
@@ -58,8 +58,6 @@ class Texels:
     triangle: np.ndarray
     cover: np.ndarray
     area: np.ndarray
-    position: np.ndarray
-    normal: np.ndarray
     whole: Cells
     parts: Cells
     overlap: np.ndarray
@@ -73,6 +71,25 @@ class Texels:
         """Stable identity of each texel, (n,) uint32."""
         return hash32(self.index.astype(np.uint32) ^ hash32(np.uint32(self.page)))
 
+    @cached_property
+    def position(self) -> np.ndarray:
+        """Centre of the covered part of each, (n, 3) float64 normalised coordinates."""
+        return self._means(_centres)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """Mean unit normal of the covered part of each, (n, 3) float64."""
+        mean = self._means(lambda cells: cells.frames[:, 2, 3:])
+        return mean / np.maximum(np.linalg.norm(mean, axis=1), np.finfo(float).tiny)[:, None]
+
+    def _means(self, values: Callable[[Cells], np.ndarray]) -> np.ndarray:
+        """Means (n, 3) over the cells of each texel."""
+        total = np.zeros((len(self), 3))
+        for cells in (self.whole, self.parts):
+            for axis, column in enumerate(values(cells).T):
+                total[:, axis] += np.bincount(cells.patch, column * cells.weight, len(self))
+        return total
+
     def centres(self, chosen: np.ndarray) -> np.ndarray:
         """Middles of the texels `chosen` (m,) on the page, covered or not, (m, 2) float64 texels."""
         index = self.index[chosen]
@@ -84,52 +101,67 @@ def covered_texels(triangles: AtlasTriangles, size: int, page: int, rows: tuple[
     low, high = triangles.uv[..., 1].min(1), triangles.uv[..., 1].max(1)
     chosen = np.flatnonzero((triangles.page == page) & (low < rows[1]) & (high > rows[0]))
     triangles = triangles.only(chosen)
-    inner, outer = spans(triangles.uv, rows, size)
-    whole_triangle, whole_x, whole_y = inner
-    polygon, corners, triangle, x, y = cut_squares(triangles.uv, *outer)
-    cover = np.concatenate([np.ones(len(whole_x)), polygon_areas(polygon, corners)])
-    triangle, x, y = (np.concatenate(pair) for pair in ((whole_triangle, triangle), (whole_x, x), (whole_y, y)))
-    kept = np.flatnonzero(cover > MIN_COVER)
-    texel, triangle, cover = (y * size + x)[kept], triangle[kept], cover[kept]
-    index, texel = np.unique(texel, return_inverse=True)
-    n = len(index)
-    crowded = np.bincount(texel, cover, n) > 1.0 + OVERLAP
-    entries = np.flatnonzero(crowded[texel])
-    entries = entries[_overlapping(texel[entries], triangles.chart[triangle[entries]], cover[entries])]
-    overlap, overlap_face = texel[entries], triangles.face[triangle[entries]]
+    (whole_triangle, x, y), outer = spans(triangles.uv, rows, size)
+    whole_place = (y - rows[0]) * size + x
+    polygons, part_triangle, x, y = cut_squares(triangles.uv, *outer)
+    part_place = (y - rows[0]) * size + x
+    fans = polygons.fans()
+    part_cover = fans.areas_of_polygons()
+    kept = np.flatnonzero(part_cover > MIN_COVER)
+    place = np.concatenate([whole_place, part_place[kept]])
+    cover = np.concatenate([np.ones(len(whole_place)), part_cover[kept]])
+    cover_of_place = np.bincount(place, cover, (rows[1] - rows[0]) * size)
+    is_covered = cover_of_place > 0.0
+    number, n = np.cumsum(is_covered) - 1, int(np.count_nonzero(is_covered))
+
+    entries = np.flatnonzero(cover_of_place[place] > 1.0 + OVERLAP)
+    triangle = np.concatenate([whole_triangle, part_triangle[kept]])[entries]
+    texel = number[place[entries]]
+    most = _overlapping(texel, triangles.chart[triangle], cover[entries])
+    overlap, overlap_face = texel[most], triangles.face[triangle[most]]
     order = np.lexsort((overlap_face, overlap))
-    is_whole = kept < len(whole_x)
-    chosen = _winners(texel, triangles.chart[triangle], cover, is_whole)
-    texel, triangle, cover, is_whole, kept = (a[chosen] for a in (texel, triangle, cover, is_whole, kept))
-    area = cover * triangles.texel_area[triangle]
-    whole = _parallelograms(triangles, triangle[is_whole], index[texel[is_whole]], size)
-    part = np.flatnonzero(~is_whole)
-    polygon_of = kept[part] - len(whole_x)
-    fans, owner = _fans(triangles, triangle[part], polygon[polygon_of], corners[polygon_of])
-    total = np.bincount(texel, area, n)
-    centre = np.empty((len(texel), 3))
-    centre[is_whole] = whole[:, 2] + 0.5 * (whole[:, 0] + whole[:, 1])
-    centre[part] = _fan_centres(fans, owner, len(part))
-    normal = triangles.frame[triangle, 2].astype(np.float64)
-    mean_normal = _sums(texel, area[:, None] * normal, n)
-    first = np.lexsort((-cover, texel))
-    first = first[np.searchsorted(texel[first], np.arange(n))]
+
+    first_whole = np.full(len(is_covered), -1)
+    first_whole[whole_place[::-1]] = np.arange(len(whole_place))[::-1]  # of several the first is written last
+    kept = kept[first_whole[part_place[kept]] < 0]
+    kept = kept[np.argsort(part_place[kept], kind="stable")]
+    kept = kept[_of_main_charts(part_place[kept], triangles.chart[part_triangle[kept]], part_cover[kept])]
+    whole = first_whole[first_whole >= 0]
+    whole_texel, whole_triangle = number[whole_place[whole]], whole_triangle[whole]
+    part_texel, part_triangle, part_cover = number[part_place[kept]], part_triangle[kept], part_cover[kept]
+    fans, owner = fans.of_polygons(kept)
+
+    area = np.bincount(part_texel, part_cover * triangles.texel_area[part_triangle], n)
+    area[whole_texel] = triangles.texel_area[whole_triangle]
+    share = np.bincount(part_texel, part_cover, n)
+    share[whole_texel] = 1.0
+    main = np.empty(n, np.int64)
+    main[whole_texel] = whole_triangle
+    largest = _largest(part_texel, part_cover)
+    main[part_texel[largest]] = part_triangle[largest]
+    index = np.flatnonzero(is_covered) + rows[0] * size
+    y, x = np.divmod(index[whole_texel], size)
     return Texels(
         index=index,
         page=page,
         size=size,
-        chart=triangles.chart[triangle[first]],
-        face=triangles.face[triangle[first]],
-        triangle=triangles.source[triangle[first]],
-        cover=np.minimum(np.bincount(texel, cover, n), 1.0),
-        area=total,
-        position=_sums(texel, area[:, None] * centre, n) / total[:, None],
-        normal=mean_normal / np.maximum(np.linalg.norm(mean_normal, axis=1), np.finfo(float).tiny)[:, None],
-        whole=_cells(triangles, whole, triangle[is_whole], texel[is_whole], total, None),
-        parts=_cells(triangles, fans, triangle[part][owner], texel[part][owner], total, _double_areas(fans) / 2.0),
+        chart=triangles.chart[main],
+        face=triangles.face[main],
+        triangle=triangles.source[main],
+        cover=np.minimum(share, 1.0),
+        area=area,
+        whole=_parallelograms(triangles, whole_triangle, whole_texel, x, y, area),
+        parts=_triangles(triangles, part_triangle[owner], part_texel[owner], fans, area),
         overlap=overlap[order],
         overlap_face=overlap_face[order],
     )
+
+
+def _centres(cells: Cells) -> np.ndarray:
+    """(c, 3)."""
+    edge1, edge2, corner = cells.frames[:, :, :3].transpose(1, 0, 2)
+    share = np.float32(0.5 if cells.are_parallelograms else 1.0 / 3.0)
+    return corner - cells.offset[:, None] * cells.frames[:, 2, 3:] + share * (edge1 + edge2)
 
 
 def _overlapping(texel: np.ndarray, chart: np.ndarray, cover: np.ndarray) -> np.ndarray:
@@ -143,78 +175,65 @@ def _overlapping(texel: np.ndarray, chart: np.ndarray, cover: np.ndarray) -> np.
     return order[largest | second]
 
 
-def _winners(texel: np.ndarray, chart: np.ndarray, cover: np.ndarray, is_whole: np.ndarray) -> np.ndarray:
-    """Entries to keep, ascending by texel: one whole one, else those of the chart that covers most of the texel."""
-    n = int(texel.max(initial=-1)) + 1
-    order = np.lexsort((~is_whole, texel))
-    first = order[np.searchsorted(texel[order], np.arange(n))]
-    has_whole = is_whole[first]
-    keep = ~has_whole[texel]
-    keep[first[has_whole]] = True
-    mixed = np.zeros(n, bool)
-    mixed[texel[keep & (chart != chart[first][texel])]] = True
-    entries = np.flatnonzero(keep & mixed[texel])
+def _largest(texel: np.ndarray, cover: np.ndarray) -> np.ndarray:
+    """The entry of each texel that covers most of it, of entries (m,) ascending by texel."""
+    first = np.flatnonzero(np.diff(texel, prepend=-1))
+    if not len(first):
+        return first
+    most = np.maximum.reduceat(cover, first)
+    largest = np.flatnonzero(cover == np.repeat(most, np.diff(first, append=len(texel))))
+    return largest[np.diff(texel[largest], prepend=-1) != 0]
+
+
+def _of_main_charts(place: np.ndarray, chart: np.ndarray, cover: np.ndarray) -> np.ndarray:
+    """(m,) bool: entries, ascending by place, of the chart that covers most of it."""
+    keep = np.ones(len(place), bool)
+    is_first = np.diff(place, prepend=-1) != 0
+    mixed = np.zeros(np.count_nonzero(is_first), bool)
+    of = np.cumsum(is_first) - 1
+    mixed[of[chart != chart[is_first][of]]] = True
+    entries = np.flatnonzero(mixed[of])
     if len(entries):
-        pairs, pair = np.unique(np.stack([texel[entries], chart[entries]], 1), axis=0, return_inverse=True)
+        pairs, pair = np.unique(np.stack([place[entries], chart[entries]], 1), axis=0, return_inverse=True)
         pair = pair.ravel()
         total = np.bincount(pair, cover[entries])
         best = np.lexsort((pairs[:, 1], -total, pairs[:, 0]))
         best = best[np.unique(pairs[best, 0], return_index=True)[1]]
         keep[entries[~np.isin(pair, best)]] = False
-    kept = np.flatnonzero(keep)
-    return kept[np.argsort(texel[kept], kind="stable")]
+    return keep
 
 
-def _parallelograms(triangles: AtlasTriangles, triangle: np.ndarray, index: np.ndarray, size: int) -> np.ndarray:
-    """Edge, edge and corner (m, 3, 3) of whole texels."""
-    at = np.stack([index % size, index // size], -1).astype(np.float64)
-    return np.concatenate([triangles.step[triangle], triangles.place(triangle, at)[:, None]], 1)
-
-
-def _fans(
-    triangles: AtlasTriangles, triangle: np.ndarray, polygon: np.ndarray, count: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Edge, edge and corner (f, 3, 3) of the triangles that polygons (m, k, 2) consist of, and the polygon of each."""
-    owner, second = ranges(np.ones(len(count), np.int64), count - 1)
-    corner = polygon[owner, 0]
-    one, two = polygon[owner, second] - corner, polygon[owner, second + 1] - corner
-    step = triangles.step[triangle[owner]]
-    edges = np.einsum("mki,mij->mkj", np.stack([one, two], 1), step)
-    fans = np.concatenate([edges, triangles.place(triangle[owner], corner)[:, None]], 1)
-    area = _double_areas(fans)
-    kept = area > 0.0  # a cell without area would get rays all the same
-    return fans[kept], owner[kept]
-
-
-def _double_areas(fans: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(np.cross(fans[:, 0], fans[:, 1]), axis=1)
-
-
-def _fan_centres(fans: np.ndarray, owner: np.ndarray, n: int) -> np.ndarray:
-    """Centres of gravity (n, 3) of the polygons that own the fans."""
-    area = _double_areas(fans)
-    total = np.maximum(np.bincount(owner, area, n), np.finfo(float).tiny)
-    return _sums(owner, area[:, None] * (fans[:, 2] + (fans[:, 0] + fans[:, 1]) / 3.0), n) / total[:, None]
-
-
-def _sums(owner: np.ndarray, values: np.ndarray, n: int) -> np.ndarray:
-    """Sums (n, k) of the values (m, k) of each owner."""
-    return np.stack([np.bincount(owner, column, n) for column in values.T], -1)
-
-
-def _cells(
-    triangles: AtlasTriangles,
-    shape: np.ndarray,
-    triangle: np.ndarray,
-    texel: np.ndarray,
-    total: np.ndarray,
-    area: np.ndarray | None,
+def _parallelograms(
+    triangles: AtlasTriangles, triangle: np.ndarray, texel: np.ndarray, x: np.ndarray, y: np.ndarray, area: np.ndarray
 ) -> Cells:
-    """Cells from edges and corners (m, 3, 3); `area` None for parallelograms, each of which is all of its texel."""
-    frames = np.empty((len(shape), 3, 6), np.float32)
-    offset = triangles.offset[triangle]
-    frames[:, :2, :3] = shape[:, :2]
-    frames[:, 2, :3] = shape[:, 2] + offset[:, None] * triangles.frame[triangle, 2]
-    frames[:, :, 3:] = triangles.frame[triangle]
-    weight = np.ones(len(shape)) if area is None else area / np.bincount(texel, area, len(total))[texel]
-    return Cells(frames, offset.astype(np.float32), texel, weight, total, are_parallelograms=area is None)
+    """Cells (m,) that are all of a texel, whose lower left is (x, y)."""
+    frames = np.take(triangles.frames(), triangle, axis=0)
+    _place_origins(frames, triangles, triangle, x, y)
+    offset = triangles.offset[triangle].astype(np.float32)
+    return Cells(frames, offset, texel, np.ones(len(texel)), area, are_parallelograms=True)
+
+
+def _triangles(
+    triangles: AtlasTriangles, triangle: np.ndarray, texel: np.ndarray, fans: Fans, area: np.ndarray
+) -> Cells:
+    """Cells (f,) that together are a part of a texel."""
+    frames = np.take(triangles.frames(), triangle, axis=0)
+    for axis, (right, up) in enumerate(triangles.step.T):
+        right, up = right[triangle], up[triangle]
+        frames[:, 0, axis] = fans.edges[0] * right + fans.edges[1] * up
+        frames[:, 1, axis] = fans.edges[2] * right + fans.edges[3] * up
+    _place_origins(frames, triangles, triangle, fans.x, fans.y)
+    offset = triangles.offset[triangle].astype(np.float32)
+    own = fans.area * triangles.texel_area[triangle]
+    return Cells(frames, offset, texel, own / np.bincount(texel, own, len(area))[texel], area)
+
+
+def _place_origins(
+    frames: np.ndarray, triangles: AtlasTriangles, triangle: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> None:
+    """Let the rays of cells with frames (m, 3, 6) on triangles (m,) start at the places (x, y) of the page.
+
+    Column by column: rows of three numbers take numpy several times as long.
+    """
+    for axis, (origin, (right, up)) in enumerate(zip(triangles.origins().T, triangles.step.T, strict=True)):
+        frames[:, 2, axis] = origin[triangle] + x * right[triangle] + y * up[triangle]

@@ -96,9 +96,9 @@ class MappedScene:
         return Normalisation.of(self.scene.patches.corners)
 
     def texels(self, page: int = 0) -> Texels:
-        """All covered texels of a page, with positions in metres and areas in square metres."""
-        found, n = covered_texels(self.triangles(), self.size, page, (0, self.size)), self.normalisation()
-        return replace(found, position=found.position * n.scale + n.centre, area=found.area * n.scale**2)
+        """All covered texels of a page, with areas in square metres."""
+        found = covered_texels(self.triangles(), self.size, page, (0, self.size))
+        return replace(found, area=found.area * self.normalisation().scale ** 2)
 
 
 def mapped_scene(baked: Sequence[Mapped], others: Sequence[Mesh] = (), size: int = SIZE) -> MappedScene:

@@ -101,9 +101,7 @@ def gather_obscurances(
         Bit for bit the same for any number of threads and any block size.
     """
     caster = Caster(scene, ids, settings, replicate, progress or _ignore, block_rays, with_distances, rays)
-    caster.cast(np.arange(len(scene.cells.patch)))
-    if scene.solid is not None:
-        caster.recast_patches_inside_solids()
+    caster.cast_all()
     return caster.patch_sums()
 
 
@@ -207,23 +205,45 @@ class Caster:
             sums[3, cells] += rho.reshape(-1, n).sum(1)
         sums[_MISS, cells] += n - np.count_nonzero(met.reshape(-1, n), axis=1)
 
+    def cast_all(self) -> None:
+        """Add all rays of all cells to their sums; without limit those of patches that a first ray finds inside."""
+        patch = self.scene.cells.patch
+        cells = np.arange(len(patch))
+        if self.scene.solid is None or self.scene.limit == FAR:
+            self.cast(cells)
+            return
+        inside = self._inside_by_probe(np.flatnonzero(np.diff(patch, prepend=-1)))
+        self.cast(cells[~inside[patch]])
+        self.cast(cells[inside[patch]], unbounded=True)
+        self._recast(self._has(_DROPPED) & ~inside)
+
     def recast_patches_inside_solids(self) -> None:
         """Cast without limit the rays of patches that may start inside of a solid farther than d_max from its walls.
 
         Suspect are patches with a ray that was dropped, and patches some of whose rays met nothing but of which one
-        unlimited ray meets the inside of a solid.
+        unlimited ray meets the inside of a solid. Only the latter are probed, which `cast_all` would do with all.
         """
         if self.scene.limit == FAR:  # they had no limit
             return
-        patch, n_patches = self.scene.cells.patch, len(self.scene.cells.area)
-        suspect = np.bincount(patch, self.sums[_DROPPED], n_patches) > 0.0
-        has_misses = np.bincount(patch, self.sums[_MISS], n_patches) > 0.0
-        first_cell = np.unique(patch, return_index=True)[1]
-        first_cell = first_cell[has_misses[patch[first_cell]] & ~suspect[patch[first_cell]]]
-        for at in range(0, len(first_cell), self.block_rays):
-            probes = first_cell[at : at + self.block_rays]
-            suspect[patch[probes[starts_inside(self.scene, *self.probe(probes))]]] = True
-        again = np.flatnonzero(suspect[patch])
+        patch, suspect = self.scene.cells.patch, self._has(_DROPPED)
+        first_cell = np.flatnonzero(np.diff(patch, prepend=-1))
+        self._recast(suspect | self._inside_by_probe(first_cell[(self._has(_MISS) & ~suspect)[patch[first_cell]]]))
+
+    def _has(self, column: int) -> np.ndarray:
+        """(p,) bool: patches of which this sum is not 0."""
+        return np.bincount(self.scene.cells.patch, self.sums[column], len(self.scene.cells.area)) > 0.0
+
+    def _inside_by_probe(self, cells: np.ndarray) -> np.ndarray:
+        """(p,) bool: patches of the cells (m,) int whose first ray, without limit, meets the inside of a solid."""
+        inside = np.zeros(len(self.scene.cells.area), bool)
+        for at in range(0, len(cells), self.block_rays):
+            probes = cells[at : at + self.block_rays]
+            inside[self.scene.cells.patch[probes[starts_inside(self.scene, *self.probe(probes))]]] = True
+        return inside
+
+    def _recast(self, suspect: np.ndarray) -> None:
+        """Cast the rays of the patches (p,) bool again, without limit."""
+        again = np.flatnonzero(suspect[self.scene.cells.patch])
         self.sums[:, again] = 0.0
         if self.nearest is not None:
             self.nearest[again] = FAR

@@ -18,23 +18,24 @@ from .texel_obscurances import TexelTracer
 from .texels import Texels
 
 STRIDES = (16, 8, 4)  # closer sparse texels, with more rays each, would cost as much as all texels
-SPARSE_FACTOR = 2  # times the usual rays from a sparse texel, twice over: it stands for many, and tells its own noise
-MOST_EXTRA_RAYS = (2 * SPARSE_FACTOR - 1) / 8  # of the usual ones: corners and centres of blocks are an eighth of all
-_SECOND_HALF = 3  # replicate of the second time; 1 and 2 are those of the error sample
+SPARSE_FACTOR = 4  # times the usual rays from a sparse texel: it stands for many
+_REPEATED = 16  # of so many sparse texels one is traced twice, which tells the noise
+_SECOND_TIME = 3  # its replicate; 1 and 2 are those of the error sample
+MOST_EXTRA_RAYS = (SPARSE_FACTOR * (1.0 + 1.0 / _REPEATED) - 1.0) / 8.0  # corners and centres are an eighth of all
 _WHOLE = 1.0 - 1e-6
 _SURE = 2.0  # standard errors of the noise that the test at the centre allows
 
 
 @dataclass
 class Noise:
-    """Variance of sparse values per channel, from all pairs of halves seen so far."""
+    """Variance of sparse values per channel, from all pairs seen so far."""
 
     total: np.ndarray = field(default_factory=lambda: np.zeros(3))
     count: int = 0
 
     def add(self, one: np.ndarray, other: np.ndarray) -> None:
-        """Note two independent halves (m, 3) of the same values."""
-        self.total += (0.25 * (one - other) ** 2).sum(0)
+        """Note independent estimates (m, 3) of the same values."""
+        self.total += (0.5 * (one - other) ** 2).sum(0)
         self.count += len(one)
 
     def variance(self) -> np.ndarray:
@@ -78,18 +79,12 @@ class AdaptiveTexels:
         wanted = wanted[~band.known[wanted]]
         if not len(wanted):
             return
-        one = self._tracer.trace(band.texels, wanted, factor=SPARSE_FACTOR, with_distances=True)
-        other = self._tracer.trace(
-            band.texels, wanted, factor=SPARSE_FACTOR, replicate=_SECOND_HALF, with_distances=True
-        )
-        self._noise.add(self._white(one.values), self._white(other.values))
+        found = self._tracer.trace(band.texels, wanted, factor=SPARSE_FACTOR, with_distances=True)
+        again = self._tracer.trace(band.texels, wanted[::_REPEATED], factor=SPARSE_FACTOR, replicate=_SECOND_TIME)
+        self._noise.add(self._white(found.values[::_REPEATED]), self._white(again.values))
         band.known[wanted] = True
-        band.valid[wanted] = 0.5 * (one.valid + other.valid)
-        share = np.stack([one.valid, other.valid], 1)
-        share /= np.maximum(share.sum(1), np.finfo(float).tiny)[:, None]
-        band.values[wanted] = share[:, :1] * one.values + share[:, 1:] * other.values
-        band.nearness[wanted] = np.maximum(one.nearness, other.nearness)
-        band.nearest[wanted] = np.minimum(one.nearest, other.nearest)
+        band.values[wanted], band.valid[wanted] = found.values, found.valid
+        band.nearness[wanted], band.nearest[wanted] = found.nearness, found.nearest
 
     def _white(self, values: np.ndarray) -> np.ndarray:
         return (values[:, :3] + values[:, 3:] * self._open) / self._open
@@ -171,24 +166,20 @@ class Band:
         self.nearness, self.nearest = np.zeros(n), np.zeros(n)
         self.known, self.between = np.zeros(n, bool), np.zeros(n, bool)
         self._lookup = np.full((rows[1] - rows[0], size), -1)
-        self._lookup.ravel()[texels.index - rows[0] * size] = np.arange(n)
+        self._place = texels.index - rows[0] * size
+        self._lookup.ravel()[self._place] = np.arange(n)
 
     def flat_blocks(self) -> dict[int, _FlatBlocks]:
         """Blocks of every stride that hold one chart and nothing else."""
-        texels, lookup = self.texels, self._lookup
-        chart = np.where((lookup >= 0) & (texels.cover >= _WHOLE)[lookup], texels.chart[lookup], -1)
-        normal = texels.normal[lookup].astype(np.float32)
-        least = STRIDES[-1]
-        h, w = ((side - 1) // least for side in lookup.shape)
-        first, last, low, high = (np.zeros((h, w), chart.dtype),) * 2 + (np.zeros((h, w, 3), np.float32),) * 2
-        if h and w:
-            views = [
-                (chart[y : y + h * least : least, x : x + w * least : least],
-                 normal[y : y + h * least : least, x : x + w * least : least])
-                for y in range(least + 1) for x in range(least + 1)
-            ]  # fmt: skip
-            first, last = (reduce([c for c, _ in views]) for reduce in (_least, _most))
-            low, high = (reduce([v for _, v in views]) for reduce in (_least, _most))
+        texels, least = self.texels, STRIDES[-1]
+        chart = np.full(self._lookup.shape, -1, np.int32)
+        normal = np.zeros((*self._lookup.shape, 3), np.float32)
+        whole = np.flatnonzero(texels.cover >= _WHOLE)
+        place = self._place[whole]
+        chart.ravel()[place] = texels.chart[whole]
+        normal.reshape(-1, 3)[place] = texels.normal[whole]
+        first, last = (_of_blocks(reduce, chart, least) for reduce in (np.minimum, np.maximum))
+        low, high = (_of_blocks(reduce, normal, least) for reduce in (np.minimum, np.maximum))
         blocks = {least: _FlatBlocks(np.where(first == last, first, -1), low, high)}
         for stride in STRIDES[-2::-1]:
             blocks[stride] = blocks[stride // 2].coarser()
@@ -202,8 +193,9 @@ class Band:
         y, x = row * stride, column * stride
         corners = np.stack([self._lookup[y + dy, x + dx] for dy in (0, stride) for dx in (0, stride)], -1)
         centre = self._lookup[y + stride // 2, x + stride // 2]
-        position = self.texels.position
-        radius = np.linalg.norm(position[corners] - position[centre][:, None], axis=2).max(1)
+        used, place = np.unique(np.concatenate([corners, centre[:, None]], 1), return_inverse=True)
+        position = self.texels.positions(used)[place.reshape(-1, 5)]
+        radius = np.linalg.norm(position[:, :4] - position[:, 4:], axis=2).max(1)
         spread = np.linalg.norm(flat.high[row, column] - flat.low[row, column], axis=1)
         return _Blocks(stride, corners, centre, row, column, radius, spread)
 
@@ -212,27 +204,25 @@ class Band:
         stride = blocks.stride
         rows, columns = (a.ravel() for a in np.mgrid[:stride, :stride])
         y, x = rows / stride, columns / stride
-        weights = np.stack([(1 - y) * (1 - x), (1 - y) * x, y * (1 - x), y * x], -1)
         bump = 16.0 * y * (1.0 - y) * x * (1.0 - x)
+        weights = np.stack([(1 - y) * (1 - x), (1 - y) * x, y * (1 - x), y * x, bump], -1)
         texel = self._lookup[blocks.row[:, None] * stride + rows, blocks.column[:, None] * stride + columns]
         known = self.values[blocks.corners]
         excess = self.values[blocks.centre] - known.mean(1)
-        values = np.einsum("tk,bkc->btc", weights, known) + bump[:, None] * excess[:, None]
+        values = weights @ np.concatenate([known, excess[:, None]], 1)
         new = ~self.known[texel]
         self.values[texel[new]] = np.maximum(values[new], 0.0)
         self.valid[texel] = 1.0
         self.between[texel] = True
 
 
-def _least(arrays: list[np.ndarray]) -> np.ndarray:
-    out = arrays[0].copy()
-    for array in arrays[1:]:
-        np.minimum(out, array, out=out)
-    return out
-
-
-def _most(arrays: list[np.ndarray]) -> np.ndarray:
-    out = arrays[0].copy()
-    for array in arrays[1:]:
-        np.maximum(out, array, out=out)
+def _of_blocks(reduce: np.ufunc, plane: np.ndarray, side: int) -> np.ndarray:
+    """Least or greatest values (h, w, ...) in the blocks of a plane, rows and columns on their far sides included."""
+    h, w = ((length - 1) // side for length in plane.shape[:2])
+    rows = plane[: h * side : side].copy()
+    for k in range(1, side + 1):
+        reduce(rows, plane[k : k + h * side : side], out=rows)
+    out = rows[:, : w * side : side].copy()
+    for k in range(1, side + 1):
+        reduce(out, rows[:, k : k + w * side : side], out=out)
     return out

@@ -30,7 +30,7 @@ from .ray_casting import Intersector
 from .scene_building import build_scene
 from .secondary_reflectors import redistribute
 from .settings import BakeSettings
-from .texel_obscurances import TexelTracer, chosen_cells, texel_triangles
+from .texel_obscurances import TexelTracer, texel_triangles
 from .texels import Texels
 
 MaterialsAt = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -279,5 +279,5 @@ class _TexelLight:
         scene = self._faces.scene
         return [
             replace(scene, traced=replace(scene.traced, cells=cells), ids=texels.ids[chosen])
-            for cells in chosen_cells(texels, chosen)
+            for cells in texels.cells_of(chosen)
         ]

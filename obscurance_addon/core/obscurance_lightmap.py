@@ -203,9 +203,10 @@ class _Obscurances:
         return values
 
     def finish(self, values: np.ndarray) -> None:
-        values[:, :3] += values[:, 3:] * self.open_value.astype(values.dtype)
-        if self._white:
-            values[:, :3] /= self.open_value.astype(values.dtype)
+        for column, open_value in zip(values.T, self.open_value.astype(values.dtype), strict=False):
+            column += values[:, 3] * open_value
+            if self._white:
+                column /= open_value
 
     def open_color(self) -> np.ndarray:
         return np.ones(3) if self._white else self.open_value

@@ -27,19 +27,23 @@ def fill_inside_charts(pixels: np.ndarray, chart: np.ndarray, missing: np.ndarra
     """
     unknown = np.zeros(len(chart), bool)
     unknown[missing] = True
-    while len(missing):
-        total, count = np.zeros((len(missing), pixels.shape[1])), np.zeros(len(missing), np.int64)
-        for neighbour, exists in _neighbours(missing, size):
-            has = exists & (chart[neighbour] == chart[missing]) & ~unknown[neighbour]
+    ring = missing
+    while len(ring):
+        total, count = np.zeros((len(ring), pixels.shape[1])), np.zeros(len(ring), np.int64)
+        for neighbour, exists in _neighbours(ring, size):
+            has = exists & (chart[neighbour] == chart[ring]) & ~unknown[neighbour]
             total[has] += pixels[neighbour[has]]
             count += has
         found = count > 0
-        if not found.any():
-            break
-        pixels[missing[found]] = total[found] / count[found, None]
-        unknown[missing[found]] = False
-        missing = missing[~found]
-    return missing
+        filled = ring[found]
+        pixels[filled] = total[found] / count[found, None]
+        unknown[filled] = False
+        beside = (
+            neighbour[exists & unknown[neighbour] & (chart[neighbour] == chart[filled])]
+            for neighbour, exists in _neighbours(filled, size)
+        )
+        ring = np.unique(np.concatenate(list(beside)))
+    return missing[unknown[missing]]
 
 
 def dilate(pixels: np.ndarray, chart: np.ndarray, size: int, rings: int) -> None:

@@ -74,7 +74,7 @@ class TexelTracer:
                 block_rays=self.block_rays,
                 with_distances=with_distances,
             )
-            for cells in chosen_cells(texels, chosen)
+            for cells in texels.cells_of(chosen)
         ]
         self.rays += sum(part.rays for part in sums)
         return self._joined(*sums)
@@ -90,30 +90,9 @@ class TexelTracer:
         return TexelValues(values, valid, whole.nearness + parts.nearness, np.minimum(whole.nearest, parts.nearest))
 
 
-def chosen_cells(texels: Texels, chosen: np.ndarray) -> tuple[Cells, Cells]:
-    """The parallelograms and the triangles of the texels `chosen` (m,) int, which are numbered anew."""
-    number = np.full(len(texels), -1)
-    number[chosen] = np.arange(len(chosen))
-    found = []
-    for cells in (texels.whole, texels.parts):
-        patch = number[cells.patch]
-        kept = np.flatnonzero(patch >= 0)
-        found.append(
-            replace(
-                cells,
-                frames=cells.frames[kept],
-                offset=cells.offset[kept],
-                patch=patch[kept],
-                weight=cells.weight[kept],
-                area=cells.area[chosen],
-            )
-        )
-    return found[0], found[1]
-
-
 def texel_triangles(texels: Texels, chosen: np.ndarray) -> Cells:
     """All cells of the texels `chosen` (m,) int, which are numbered anew, as triangles."""
-    whole, parts = chosen_cells(texels, chosen)
+    whole, parts = texels.cells_of(chosen)
     whole = as_triangles(whole)
     patch = np.concatenate([whole.patch, parts.patch])
     order = np.argsort(patch, kind="stable")

@@ -7,7 +7,7 @@ that cross them, so that a texel at the border of a chart is just what the chart
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from .atlas_triangles import AtlasTriangles
 from .patches import Cells
 from .sobol import hash32
-from .texel_clipping import Fans, cut_squares, spans
+from .texel_clipping import Fans, cut_squares, ranges, spans
 
 MIN_COVER = 1e-6  # share of a texel below which it counts as not covered
 OVERLAP = 1e-3  # by how much parts may exceed a texel before they overlap
@@ -66,29 +66,36 @@ class Texels:
     def __len__(self) -> int:
         return len(self.index)
 
-    @property
+    @cached_property
     def ids(self) -> np.ndarray:
         """Stable identity of each texel, (n,) uint32."""
         return hash32(self.index.astype(np.uint32) ^ hash32(np.uint32(self.page)))
 
     @cached_property
-    def position(self) -> np.ndarray:
-        """Centre of the covered part of each, (n, 3) float64 normalised coordinates."""
-        return self._means(_centres)
-
-    @cached_property
     def normal(self) -> np.ndarray:
-        """Mean unit normal of the covered part of each, (n, 3) float64."""
-        mean = self._means(lambda cells: cells.frames[:, 2, 3:])
-        return mean / np.maximum(np.linalg.norm(mean, axis=1), np.finfo(float).tiny)[:, None]
+        """Mean unit normal of the covered part of each, (n, 3) float32."""
+        normal = _means(self.whole, self.parts, lambda cells: cells.frames[:, 2, 3:])
+        parts = self.parts.patch[np.diff(self.parts.patch, prepend=-1) != 0]
+        length = np.linalg.norm(normal[parts], axis=1)
+        normal[parts] /= np.maximum(length, np.finfo(np.float32).tiny)[:, None]
+        return normal
 
-    def _means(self, values: Callable[[Cells], np.ndarray]) -> np.ndarray:
-        """Means (n, 3) over the cells of each texel."""
-        total = np.zeros((len(self), 3))
+    def positions(self, chosen: np.ndarray) -> np.ndarray:
+        """Centres of the covered parts of the texels `chosen` (m,) int, ascending, (m, 3) float32 normalised."""
+        return _means(*self.cells_of(chosen), _centres)
+
+    def cells_of(self, chosen: np.ndarray) -> tuple[Cells, Cells]:
+        """The parallelograms and the triangles of the texels `chosen` (m,) int, ascending, which are numbered anew."""
+        found = []
         for cells in (self.whole, self.parts):
-            for axis, column in enumerate(values(cells).T):
-                total[:, axis] += np.bincount(cells.patch, column * cells.weight, len(self))
-        return total
+            if len(chosen) and chosen[-1] - chosen[0] + 1 == len(chosen):  # needs no copy
+                kept = slice(*np.searchsorted(cells.patch, [chosen[0], chosen[-1] + 1]))
+                patch = cells.patch[kept] - chosen[0]
+            else:
+                patch, kept = ranges(*(np.searchsorted(cells.patch, chosen, side) for side in ("left", "right")))
+            arrays = {name: getattr(cells, name)[kept] for name in ("frames", "offset", "weight")}
+            found.append(replace(cells, patch=patch, area=cells.area[chosen], **arrays))
+        return found[0], found[1]
 
     def centres(self, chosen: np.ndarray) -> np.ndarray:
         """Middles of the texels `chosen` (m,) on the page, covered or not, (m, 2) float64 texels."""
@@ -155,6 +162,15 @@ def covered_texels(triangles: AtlasTriangles, size: int, page: int, rows: tuple[
         overlap=overlap[order],
         overlap_face=overlap_face[order],
     )
+
+
+def _means(whole: Cells, parts: Cells, values: Callable[[Cells], np.ndarray]) -> np.ndarray:
+    """Means (n, 3) float32 over the cells of each texel."""
+    means = np.empty((len(whole.area), 3), np.float32)
+    for axis, column in enumerate(values(parts).T):
+        means[:, axis] = np.bincount(parts.patch, column * parts.weight, len(means))
+    means[whole.patch] = values(whole)
+    return means
 
 
 def _centres(cells: Cells) -> np.ndarray:

@@ -31,6 +31,10 @@ def texels(triangles, rows=(0, SIZE), page=0):
     return covered_texels(triangles, SIZE, page, rows)
 
 
+def positions(found):
+    return found.positions(np.arange(len(found)))
+
+
 def uneven_grid(low, high, n, seed=0):
     """n x n quads of two triangles over a square of the map, their inner corners moved at random; (2 n n, 3, 2)."""
     step = (high - low) / n
@@ -157,7 +161,7 @@ def test_bands_hold_the_same_texels(cuts):
     triangles = atlas(uv, chart=np.repeat([0, 1], [288, 162]))
     whole = texels(triangles)
     bands = [texels(triangles, rows) for rows in itertools.pairwise(cuts)]
-    for name in ("index", "chart", "face", "cover", "area", "position", "normal"):
+    for name in ("index", "chart", "face", "cover", "area", "normal"):
         np.testing.assert_array_equal(np.concatenate([getattr(band, name) for band in bands]), getattr(whole, name))
     for name in ("whole", "parts"):
         frames = np.concatenate([getattr(band, name).frames for band in bands])
@@ -174,7 +178,7 @@ def test_positions_lie_on_the_surface_where_the_map_says():
     x, y = found.index % SIZE, found.index // SIZE
     low, high = (np.clip([x + k, y + k], 2.2, 40.9) for k in (0, 1))  # what the chart's outline leaves of a texel
     exact = np.stack([*((low + high) / 2 / DENSITY), np.full(len(found), 0.3)], -1)
-    np.testing.assert_allclose(found.position @ turn, exact, rtol=0, atol=1e-6)  # parts below MIN_COVER are missing
+    np.testing.assert_allclose(positions(found) @ turn, exact, rtol=0, atol=1e-6)  # parts below MIN_COVER are missing
     np.testing.assert_allclose(found.normal, np.tile(turn[:, 2], (len(found), 1)), rtol=0, atol=1e-6)
     for cells in (found.whole, found.parts):
         origins = np.einsum("k,nkj->nj", [0.3, 0.2, 1.0], cells.frames[..., :3].astype(float))
@@ -190,7 +194,7 @@ def test_mirrored_maps_give_outward_normals(mirror):
     assert len(mirrored) == len(plain) == 38 * 38
     image = plain.index.reshape(38, 38)[:: mirror[1], :: mirror[0]].ravel() - 2 * SIZE - 2
     order = np.searchsorted(plain.index, image + 2 * SIZE + 2)
-    np.testing.assert_allclose(mirrored.position, plain.position[order], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(positions(mirrored), positions(plain)[order], rtol=0, atol=1e-6)
     np.testing.assert_allclose(mirrored.area, plain.area[order], rtol=1e-4)
 
 
@@ -258,7 +262,7 @@ def test_a_texel_at_the_border_of_two_charts_goes_to_the_one_that_covers_more(bo
     share = max(border - 6, 7 - border)
     np.testing.assert_allclose(found.cover[middle], share, rtol=0, atol=MIN_COVER * 800)
     x = (6 + border) / 2 if winner == 0 else (7 + border) / 2
-    np.testing.assert_allclose(found.position[middle, 0] * DENSITY, x, rtol=0, atol=MIN_COVER * 800)
+    np.testing.assert_allclose(positions(found)[middle, 0] * DENSITY, x, rtol=0, atol=MIN_COVER * 800)
 
 
 def test_charts_hang_together_by_vertex_and_place():

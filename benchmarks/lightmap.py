@@ -43,7 +43,11 @@ TRACED = ((64, True), (64, False), (16, True))  # rays a texel, with bleeding
 
 # Page size: samples of Cycles, rays of ours, and rays of each of the two references. No more than fit into a quarter of
 # an hour.
-COMPARED = {512: ((16, 64, 256, 1024), (4, 16, 64, 256), 2048), 1024: ((16, 64), (4, 16, 64, 256), 512)}
+COMPARED = {
+    512: ((16, 64, 256, 1024), (4, 16, 64, 256), 2048),
+    1024: ((16, 64), (4, 16, 64, 256), 512),
+    2048: ((64,), (16, 64, 128), 128),
+}
 ERROR_BOUNDS = (0.01, 0.02)  # the default first
 SEEDS, REFERENCE_SEEDS = (1, 2), (3, 4)
 VALID_RAYS = 64  # that find no inside of a solid in texels that are compared

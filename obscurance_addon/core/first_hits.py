@@ -47,10 +47,8 @@ def meet_doubled_faces(scene: TracedScene, cells: np.ndarray, n: int, hits: Hits
 def _near_hits(scene: TracedScene, cells: np.ndarray, n: int, hits: Hits) -> np.ndarray:
     """Indices of the rays that meet something within a few ray offsets."""
     reach = COPLANAR_OFFSETS * scene.cells.offset[cells]
-    if hits.distance.min() >= reach.max():
-        return np.zeros(0, np.intp)
-    near = hits.distance.reshape(-1, n) < reach[:, None]
-    return np.flatnonzero(near.ravel() & (hits.triangle >= 0))
+    near = np.flatnonzero(hits.distance < reach.max())  # few or none
+    return near[(hits.distance[near] < reach[near // n]) & (hits.triangle[near] >= 0)]
 
 
 def _that_meet_doubles(scene: TracedScene, cells: np.ndarray, n: int, hits: Hits, rays: np.ndarray) -> np.ndarray:

@@ -32,6 +32,7 @@ MOST_OVERLAPS = 1000  # pairs of faces that are told
 MIN_EXPOSED = 0.5
 _BAND_TEXELS = 1 << 18  # at least, so that a band keeps all threads busy
 _BAND_ROWS = 64  # at least, a multiple of the coarsest stride of sparse texels
+_LEAST_BANDS = 4  # of a page, if it has so many rows: the texels of one are found while those of another are traced
 
 
 @dataclass(frozen=True)
@@ -270,7 +271,7 @@ def _one_ahead(bands: Iterator[tuple]) -> Iterator[tuple]:
 
 def _bands(triangles: AtlasTriangles, size: int, page: int) -> Iterator[tuple[Texels, int, tuple[int, int]]]:
     """Covered texels of some rows and of the row above them, the number of those below it, and the rows."""
-    height = _BAND_ROWS * max(1, _BAND_TEXELS // (size * _BAND_ROWS))
+    height = _BAND_ROWS * max(1, min(_BAND_TEXELS // (size * _BAND_ROWS), size // (_LEAST_BANDS * _BAND_ROWS)))
     for first in range(0, size, height):
         rows = (first, min(first + height + 1, size))
         texels = covered_texels(triangles, size, page, rows)

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .falloff import apply_falloff
+from .falloff import Falloff, apply_falloff
 from .first_hits import pass_doubled_faces, starts_inside
 from .patch_samples import BLOCK_RAYS, PatchSamples
 from .ray_allocation import allocate_rays
 from .ray_casting import Hits
 from .settings import BakeSettings
 from .traced_scene import FAR, NEAR, TracedScene
+from .workers import workers
 
 _MISS, _DROPPED, _NEARNESS = 4, 5, 6  # columns of the cell sums behind rho R_red, rho R_green, rho R_blue, rho
 
@@ -191,19 +192,25 @@ class Caster:
             of_cell = np.maximum(distance, NEAR).reshape(-1, n)
             sums[_NEARNESS, cells] += (1.0 / of_cell).sum(1)
             self.nearest[cells] = np.minimum(self.nearest[cells], of_cell.min(1))
-        distance *= scene.scale
-        rho = apply_falloff(scene.falloff, distance)
         if dropped is not None:
-            rho[dropped] = 0.0
             sums[_DROPPED, cells] += np.count_nonzero(dropped.reshape(-1, n), axis=1)
-        if scene.palette is not None:
-            colours = self.samples.scratch.array("colours", (len(triangle), 4))
-            np.take(scene.palette, np.add(triangle, 1, dtype=np.intp), axis=0, mode="clip", out=colours)
-            sums[:4, cells] += np.matmul(rho.reshape(-1, 1, n), colours.reshape(-1, n, 4))[:, 0].T
-        else:
-            rho *= met
-            sums[3, cells] += rho.reshape(-1, n).sum(1)
+        if scene.falloff is not Falloff.STEP:  # of which a hit adds nothing
+            distance *= scene.scale
+            rho = apply_falloff(scene.falloff, distance)
+            if dropped is not None:
+                rho[dropped] = 0.0
+            self._add_hits(cells, n, rho, triangle)
         sums[_MISS, cells] += n - np.count_nonzero(met.reshape(-1, n), axis=1)
+
+    def _add_hits(self, cells: np.ndarray, n: int, rho: np.ndarray, triangle: np.ndarray) -> None:
+        """Add rho (m n,), times the colours of the triangles hit, to the sums."""
+        if self.scene.palette is not None:
+            colours = self.samples.scratch.array("colours", (len(triangle), 4))
+            np.take(self.scene.palette, np.add(triangle, 1, dtype=np.intp), axis=0, mode="clip", out=colours)
+            self.sums[:4, cells] += np.matmul(rho.reshape(-1, 1, n), colours.reshape(-1, n, 4))[:, 0].T
+        else:
+            rho *= triangle >= 0
+            self.sums[3, cells] += rho.reshape(-1, n).sum(1)
 
     def cast_all(self) -> None:
         """Add all rays of all cells to their sums; without limit those of patches that a first ray finds inside."""
@@ -236,9 +243,11 @@ class Caster:
     def _inside_by_probe(self, cells: np.ndarray) -> np.ndarray:
         """(p,) bool: patches of the cells (m,) int whose first ray, without limit, meets the inside of a solid."""
         inside = np.zeros(len(self.scene.cells.area), bool)
-        for at in range(0, len(cells), self.block_rays):
-            probes = cells[at : at + self.block_rays]
-            inside[self.scene.cells.patch[probes[starts_inside(self.scene, *self.probe(probes))]]] = True
+        blocks = [cells[at : at + self.block_rays] for at in range(0, len(cells), self.block_rays)]
+        with workers(self.samples.threads if len(blocks) > 1 else 0) as pool:
+            for found in pool.map(lambda block: block[starts_inside(self.scene, *self.probe(block))], blocks):
+                inside[self.scene.cells.patch[found]] = True
+        self.rays += len(cells)
         return inside
 
     def _recast(self, suspect: np.ndarray) -> None:
@@ -253,9 +262,7 @@ class Caster:
         """Directions (m, 3) and unlimited hits of the first ray of each cell (m,)."""
         rows = self.samples.first_rows(cells)
         origins, directions = self.samples.origins(cells, rows), self.samples.directions(cells, rows)
-        hits = self.scene.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
-        self.rays += len(origins)
-        return directions, hits
+        return directions, self.scene.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
 
     def patch_sums(self) -> ObscuranceSums:
         """Cells weighed by area into patches."""

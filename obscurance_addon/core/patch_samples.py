@@ -85,7 +85,7 @@ class PatchSamples:
         total = 0
         start, end = self.start[cells], self.start[cells] + self.count[cells]
         sets, row_of_set = self._point_sets(cells)
-        with workers(self.threads) as pool:
+        with workers(self.threads if self.count[cells].sum() > self.block_rays else 0) as pool:
             for first in range(0, int(end.max()), TABLE_ROWS):
                 low, high = np.maximum(start, first), np.minimum(end, first + TABLE_ROWS)
                 rows = min(TABLE_ROWS, int(end.max()) - first)

@@ -19,7 +19,7 @@ def places(running):
     texels, values = texels_of(running)[0]
     corners = running._bake._arrays.patches.corners.reshape(-1, 3)
     low, high = corners.min(0), corners.max(0)
-    position = texels.position * 0.5 * np.linalg.norm(high - low) + 0.5 * (low + high)
+    position = texels.positions(np.arange(len(texels))) * 0.5 * np.linalg.norm(high - low) + 0.5 * (low + high)
     whole = texels.cover > 1.0 - 1e-6
     return position[whole], values[whole] / (SUN / np.pi)
 

@@ -41,8 +41,8 @@ UV_MAP = "Obscurance"
 TRACE_SIZE = 512
 TRACED = ((64, True), (64, False), (16, True))  # rays a texel, with bleeding
 
-# Page size: samples of Cycles, rays of ours, and rays of each of the two references. No more than fit into a quarter of
-# an hour.
+# Page size: samples of Cycles, rays of ours, and rays of each of the two references. All together take a quarter of an
+# hour.
 COMPARED = {
     512: ((16, 64, 256, 1024), (4, 16, 64, 256), 2048),
     1024: ((16, 64), (4, 16, 64, 256), 512),

@@ -228,7 +228,8 @@ class Caster:
         """Cast without limit the rays of patches that may start inside of a solid farther than d_max from its walls.
 
         Suspect are patches with a ray that was dropped, and patches some of whose rays met nothing but of which one
-        unlimited ray meets the inside of a solid. Only the latter are probed, which `cast_all` would do with all.
+        unlimited ray meets the inside of a solid. Unlike `cast_all` this probes no others, for a bake that follows
+        changes depends on whatever a probe met.
         """
         if self.scene.limit == FAR:  # they had no limit
             return

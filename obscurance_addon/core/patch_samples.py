@@ -44,7 +44,7 @@ class PatchSamples:
     start, count : ndarray, (c,) int64
         Range of the sequence that each cell reads.
     threads : int
-        Number of threads that `run` uses, 0 for none but its own.
+        Number of threads that `run` uses for more than one block, 0 for none but its own.
     """
 
     def __init__(

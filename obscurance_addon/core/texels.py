@@ -121,12 +121,9 @@ def covered_texels(triangles: AtlasTriangles, size: int, page: int, rows: tuple[
     is_covered = cover_of_place > 0.0
     number, n = np.cumsum(is_covered) - 1, int(np.count_nonzero(is_covered))
 
-    entries = np.flatnonzero(cover_of_place[place] > 1.0 + OVERLAP)
-    triangle = np.concatenate([whole_triangle, part_triangle[kept]])[entries]
-    texel = number[place[entries]]
-    most = _overlapping(texel, triangles.chart[triangle], cover[entries])
-    overlap, overlap_face = texel[most], triangles.face[triangle[most]]
-    order = np.lexsort((overlap_face, overlap))
+    crowded = np.flatnonzero(cover_of_place[place] > 1.0 + OVERLAP)
+    triangle = np.concatenate([whole_triangle, part_triangle[kept]])[crowded]
+    overlap, overlap_face = _overlaps(triangles, triangle, number[place[crowded]], cover[crowded])
 
     first_whole = np.full(len(is_covered), -1)
     first_whole[whole_place[::-1]] = np.arange(len(whole_place))[::-1]  # of several the first is written last
@@ -159,8 +156,8 @@ def covered_texels(triangles: AtlasTriangles, size: int, page: int, rows: tuple[
         area=area,
         whole=_parallelograms(triangles, whole_triangle, whole_texel, x, y, area),
         parts=_triangles(triangles, part_triangle[owner], part_texel[owner], fans, area),
-        overlap=overlap[order],
-        overlap_face=overlap_face[order],
+        overlap=overlap,
+        overlap_face=overlap_face,
     )
 
 
@@ -178,6 +175,16 @@ def _centres(cells: Cells) -> np.ndarray:
     edge1, edge2, corner = cells.frames[:, :, :3].transpose(1, 0, 2)
     share = np.float32(0.5 if cells.are_parallelograms else 1.0 / 3.0)
     return corner - cells.offset[:, None] * cells.frames[:, 2, 3:] + share * (edge1 + edge2)
+
+
+def _overlaps(
+    triangles: AtlasTriangles, triangle: np.ndarray, texel: np.ndarray, cover: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """`overlap` and `overlap_face` of `Texels`, from all entries in crowded texels."""
+    most = _overlapping(texel, triangles.chart[triangle], cover)
+    texel, face = texel[most], triangles.face[triangle[most]]
+    order = np.lexsort((face, texel))
+    return texel[order], face[order]
 
 
 def _overlapping(texel: np.ndarray, chart: np.ndarray, cover: np.ndarray) -> np.ndarray:

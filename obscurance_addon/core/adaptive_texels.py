@@ -28,7 +28,7 @@ _SURE = 2.0  # standard errors of the noise that the test at the centre allows
 
 @dataclass
 class Noise:
-    """Variance of sparse values per channel, from all pairs seen so far."""
+    """Variance of sparse values per channel, from all pairs of a band seen so far."""
 
     total: np.ndarray = field(default_factory=lambda: np.zeros(3))
     count: int = 0
@@ -44,7 +44,7 @@ class Noise:
 
 
 class AdaptiveTexels:
-    """Interpolates the texels of one band of rows after the other.
+    """Interpolates the texels of bands of rows.
 
     Parameters
     ----------
@@ -58,7 +58,6 @@ class AdaptiveTexels:
         self._tracer = tracer
         self._open = np.where(open_value > 0.0, open_value, 1.0)
         self._bound = error_bound
-        self._noise = Noise()
 
     def interpolate(self, texels: Texels, rows: tuple[int, int]) -> Band:
         """Find the values of sparse texels and of those between them, in rows that begin at a multiple of 16."""
@@ -81,7 +80,8 @@ class AdaptiveTexels:
             return
         found = self._tracer.trace(band.texels, wanted, factor=SPARSE_FACTOR, with_distances=True)
         again = self._tracer.trace(band.texels, wanted[::_REPEATED], factor=SPARSE_FACTOR, replicate=_SECOND_TIME)
-        self._noise.add(self._white(found.values[::_REPEATED]), self._white(again.values))
+        band.noise.add(self._white(found.values[::_REPEATED]), self._white(again.values))
+        band.rays += found.rays + again.rays
         band.known[wanted] = True
         band.values[wanted], band.valid[wanted] = found.values, found.valid
         band.nearness[wanted], band.nearest[wanted] = found.nearness, found.nearest
@@ -100,7 +100,7 @@ class AdaptiveTexels:
         """(b,) bool: blocks at whose centre is what their corners make it, but for the noise."""
         found = self._white(band.values[blocks.centre])
         expected = self._white(band.values[blocks.corners].mean(1))
-        allowed = self._bound + _SURE * np.sqrt(1.25 * self._noise.variance())
+        allowed = self._bound + _SURE * np.sqrt(1.25 * band.noise.variance())
         return (np.abs(found - expected) <= allowed).all(1)
 
 
@@ -157,11 +157,14 @@ class Band:
         Traced sparsely.
     between : ndarray, (n,) bool
         Interpolated.
+    noise : Noise
+    rays : int
+        Cast so far.
     """
 
     def __init__(self, texels: Texels, rows: tuple[int, int]) -> None:
         n, size = len(texels), texels.size
-        self.texels = texels
+        self.texels, self.noise, self.rays = texels, Noise(), 0
         self.values, self.valid = np.zeros((n, 4)), np.zeros(n)
         self.nearness, self.nearest = np.zeros(n), np.zeros(n)
         self.known, self.between = np.zeros(n, bool), np.zeros(n, bool)

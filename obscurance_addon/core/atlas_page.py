@@ -27,7 +27,7 @@ class AtlasPage:
         -1 for empty texels.
     size : int
     missing : list of ndarray of int64
-        Covered texels without a value of their own.
+        Covered texels without a value of their own, in any order.
     """
 
     pixels: np.ndarray
@@ -50,7 +50,10 @@ class AtlasPage:
         return cls(array((size * size, 4), np.float32), chart, size)
 
     def put(self, texel: np.ndarray, values: np.ndarray, chart: np.ndarray, valid: np.ndarray) -> None:
-        """Set texels (n,) to values (n, 4), and note their charts, and which of them have no value after all."""
+        """Set texels (n,) to values (n, 4), and note their charts, and which of them have no value after all.
+
+        Several threads may do so at once, each with its own texels.
+        """
         self.pixels[texel], self.chart[texel] = values, chart
         self.missing.append(texel[~valid])
 
@@ -65,7 +68,7 @@ class AtlasPage:
         for at in range(0, len(self.pixels), _BLOCK_TEXELS):
             check()
             to_color(self.pixels[at : at + _BLOCK_TEXELS])
-        missing = np.concatenate(self.missing or [np.zeros(0, np.int64)])
+        missing = np.sort(np.concatenate(self.missing or [np.zeros(0, np.int64)]))
         alone = fill_inside_charts(self.pixels, self.chart, missing, self.size)
         self.pixels[alone, :3] = open_color
         dilate(self.pixels, self.chart, self.size, margin)

@@ -18,7 +18,7 @@ from .embree import EmbreeIntersector
 from .light_bake import lit_scene
 from .light_records import LightSources, PatchMaterials
 from .light_settings import LightSettings, Quantity
-from .lightmap import AtlasLayout, TexelProgress, estimate_pages, finish_pages, rays_per_texel
+from .lightmap import AtlasLayout, bands_at_once, estimate_pages, finish_pages, texel_settings
 from .lightmap_settings import LightmapSettings
 from .lit_faces import LitFaces, light_up_faces
 from .monitor import Monitor
@@ -30,7 +30,8 @@ from .ray_casting import Intersector
 from .scene_building import build_scene
 from .secondary_reflectors import redistribute
 from .settings import BakeSettings
-from .texel_obscurances import TexelTracer, texel_triangles
+from .texel_obscurances import TexelTracer, TexelValues, texel_triangles
+from .texel_progress import TexelProgress
 from .texels import Texels
 
 MaterialsAt = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -84,7 +85,8 @@ def bake_light_map(
     began = time.perf_counter()
     traced, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector, whole=True)
     triangles = layout.triangles(lightmap.size, normalisation)
-    settings = rays_per_texel(settings, lightmap, triangles.texels())
+    for_texels = texel_settings(settings, lightmap, triangles.texels())
+    settings = replace(for_texels, threads=settings.threads)
     scene = lit_scene(traced, normalisation, patches.with_others(others), sources, settings)
     built = time.perf_counter()
     faces = light_up_faces(scene, surfaces, n_faces, materials, sources, normalisation.scale, settings, light, monitor)
@@ -92,26 +94,27 @@ def bake_light_map(
     progress = TexelProgress(monitor, settings.rays * (1 + len(scene.sources)))
     estimator = _TexelLight(
         faces,
-        TexelTracer(traced, settings, channels_as_grey(surfaces, settings, True), progress.cast, block_rays),
+        TexelTracer(traced, for_texels, channels_as_grey(surfaces, settings, True), progress.cast, block_rays),
         light,
         lightmap,
         factor / np.pi,
         materials_at,
     )
     monitor.phase("trace", int(triangles.texels()))
-    pages, counts = estimate_pages(triangles, layout.pages, n_faces, lightmap, estimator, progress)
+    at_once = bands_at_once(settings)
+    pages, counts = estimate_pages(triangles, layout.pages, n_faces, lightmap, estimator, progress, at_once)
     gathered = time.perf_counter()
     finished = finish_pages(pages, estimator, lightmap, monitor)
     return Lightmap(
         pages=finished,
         counts=counts,
-        traced=estimator.traced,
+        traced=counts.traced,
         use=counts.texels / (layout.pages * lightmap.size**2),
         r_ave=faces.r_ave,
         rmse=counts.rmse(estimator.finish),
         d_max=d_max,
-        rays=faces.rays + estimator.rays,
-        error_rays=faces.error_rays + estimator.error_rays,
+        rays=faces.rays + counts.rays,
+        error_rays=faces.error_rays + counts.error_rays,
         ambient=faces.ambient[0] if faces.ambient else None,
         reflectors=len(faces.reflectors) if faces.reflectors else 0,
         reflected_share=faces.reflectors.light_share if faces.reflectors else 0.0,
@@ -145,35 +148,15 @@ class _TexelLight:
         self._with_emission = light.quantity is Quantity.COMBINED
         if light.quantity is Quantity.RADIOSITY:
             self._with_direct = self._with_emission = not light.indirect_only
-        self._gathered = self._others_traced = 0
-        self.error_rays = 0
 
-    @property
-    def rays(self) -> int:
-        """Cast for the values."""
-        return self._tracer.rays + self._gathered - self.error_rays
+    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> TexelValues:
+        """As of `TexelEstimator`; `traced` are the texels that cast rays for obscurances, if there are any."""
+        obscurances = self._obscurances.estimate(texels, n, rows) if self._obscurances else None
+        return self._radiance(texels, np.arange(n), obscurances, 0)
 
-    @property
-    def traced(self) -> int:
-        """Texels that cast rays for obscurances, or for light where there are none."""
-        return self._obscurances.traced if self._obscurances else self._others_traced
-
-    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        values = valid = None
-        if self._obscurances is not None:
-            values, valid = self._obscurances.estimate(texels, n, rows)
-        self._others_traced += n
-        return self._radiance(texels, np.arange(n), values, valid, 0)
-
-    def repeat(self, texels: Texels, chosen: np.ndarray, replicate: int) -> np.ndarray:
-        before = self._tracer.rays + self._gathered
-        values = valid = None
-        if self._obscurances is not None:
-            found = self._tracer.trace(texels, chosen, replicate=replicate)
-            values, valid = found.values, found.valid
-        radiance, _ = self._radiance(texels, chosen, values, valid, replicate)
-        self.error_rays += self._tracer.rays + self._gathered - before
-        return radiance
+    def repeat(self, texels: Texels, chosen: np.ndarray, replicate: int) -> TexelValues:
+        obscurances = self._tracer.trace(texels, chosen, replicate=replicate) if self._obscurances else None
+        return self._radiance(texels, chosen, obscurances, replicate)
 
     def finish(self, values: np.ndarray) -> None:
         """Nothing is left to do."""
@@ -182,22 +165,29 @@ class _TexelLight:
         return np.zeros(3)
 
     def _radiance(
-        self, texels: Texels, chosen: np.ndarray, values: np.ndarray | None, valid: np.ndarray | None, replicate: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Values (m, 4) of texels (m,), and their shares outside of solids, from obscurances where there are some."""
+        self, texels: Texels, chosen: np.ndarray, obscurances: TexelValues | None, replicate: int
+    ) -> TexelValues:
+        """Radiance of texels (m,), from obscurances where there are some."""
         faces = self._faces
         irradiance = np.zeros((len(chosen), 3))
+        valid, rays, traced = None, 0, len(chosen)
+        if obscurances is not None:
+            valid, rays, traced = obscurances.valid, obscurances.rays, obscurances.traced
+            white = (obscurances.values[:, :3] + obscurances.values[:, 3:] * self._open) / self._open
+            irradiance += white * faces.ambient[min(replicate, 1)].irradiance
         if self._with_direct or valid is None:
-            direct, valid = self._direct(texels, chosen, valid, replicate)
+            direct, valid, cast = self._direct(texels, chosen, valid, replicate)
+            rays += cast
             if self._with_direct:
                 irradiance += direct
-        if faces.ambient:
-            white = (values[:, :3] + values[:, 3:] * self._open) / self._open
-            irradiance += white * faces.ambient[min(replicate, 1)].irradiance
         if faces.reflectors:
-            irradiance += self._passed_on(texels, chosen, valid, replicate)
+            passed_on, cast = self._passed_on(texels, chosen, valid, replicate)
+            irradiance += passed_on
+            rays += cast
         if faces.radiosity is not None:
-            irradiance += self._from_radiosity(texels, chosen, valid, replicate)
+            received, cast = self._from_radiosity(texels, chosen, valid, replicate)
+            irradiance += received
+            rays += cast
         reflectance, emission = self._materials(texels, chosen)
         radiosity = reflectance * irradiance
         if self._with_emission:
@@ -205,7 +195,7 @@ class _TexelLight:
         found = np.zeros((len(chosen), 4))
         found[:, :3] = self._factor * radiosity
         found[valid <= 0.0] = 0.0
-        return found, valid
+        return TexelValues(found, valid, rays, traced)
 
     def _materials(self, texels: Texels, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Reflectance and emission (m, 3) of texels."""
@@ -216,10 +206,10 @@ class _TexelLight:
 
     def _direct(
         self, texels: Texels, chosen: np.ndarray, valid: np.ndarray | None, replicate: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        parts = []
-        for scene in self._scenes(texels, chosen):
-            part = gather_direct_light(
+    ) -> tuple[np.ndarray, np.ndarray, int]:
+        """Irradiance (m, 3) of lamps and such, shares (m,) outside of solids, and the number of rays cast."""
+        whole, parts = (
+            gather_direct_light(
                 scene,
                 np.full(len(chosen), self._tracer.settings.rays),
                 self._tracer.settings,
@@ -229,14 +219,16 @@ class _TexelLight:
                 progress=self._tracer.progress,
                 block_rays=self._tracer.block_rays,
             )
-            self._gathered += part.rays
-            parts.append(part)
+            for scene in self._scenes(texels, chosen)
+        )
         if valid is None:
-            valid = parts[0].valid + parts[1].valid
-        return parts[0].irradiance + parts[1].irradiance, valid
+            valid = whole.valid + parts.valid
+        return whole.irradiance + parts.irradiance, valid, whole.rays + parts.rays
 
-    def _passed_on(self, texels: Texels, chosen: np.ndarray, valid: np.ndarray, replicate: int) -> np.ndarray:
-        """What the reflectors among the faces pass on, (m, 3)."""
+    def _passed_on(
+        self, texels: Texels, chosen: np.ndarray, valid: np.ndarray, replicate: int
+    ) -> tuple[np.ndarray, int]:
+        """What the reflectors among the faces pass on, (m, 3), and the number of rays cast."""
         faces, lit = self._faces, self._faces.lit
         cells = join_cells(faces.scene.traced.cells, texel_triangles(texels, chosen))
         n_faces, m = len(lit.unshot), len(chosen)
@@ -254,14 +246,15 @@ class _TexelLight:
             replicate=replicate,
             progress=self._tracer.progress,
         )
-        self._gathered += found.rays
-        return found.irradiance
+        return found.irradiance, found.rays
 
-    def _from_radiosity(self, texels: Texels, chosen: np.ndarray, valid: np.ndarray, replicate: int) -> np.ndarray:
-        """What all faces radiate to texels, (m, 3)."""
-        total = np.zeros((len(chosen), 3))
+    def _from_radiosity(
+        self, texels: Texels, chosen: np.ndarray, valid: np.ndarray, replicate: int
+    ) -> tuple[np.ndarray, int]:
+        """What all faces radiate to texels, (m, 3), and the number of rays cast."""
+        total, rays = np.zeros((len(chosen), 3)), 0
         for scene in self._scenes(texels, chosen):
-            irradiance, rays = gather_radiosity(
+            irradiance, cast = gather_radiosity(
                 scene,
                 self._faces.radiosity,
                 np.full(len(chosen), self._tracer.settings.rays),
@@ -270,9 +263,9 @@ class _TexelLight:
                 progress=self._tracer.progress,
                 block_rays=self._tracer.block_rays,
             )
-            self._gathered += rays
             total += irradiance
-        return total / np.where(valid > 0.0, valid, 1.0)[:, None]
+            rays += cast
+        return total / np.where(valid > 0.0, valid, 1.0)[:, None], rays
 
     def _scenes(self, texels: Texels, chosen: np.ndarray) -> list[LitScene]:
         """The scene with rays leaving the parallelograms of texels, and their triangles."""

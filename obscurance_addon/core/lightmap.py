@@ -6,9 +6,8 @@ value is, and when it is known, is the business of an estimator; this file finds
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -22,7 +21,10 @@ from .lightmap_settings import LightmapSettings
 from .monitor import Monitor
 from .patches import Normalisation
 from .settings import MIN_RAYS_PER_PATCH, BakeSettings
+from .texel_obscurances import TexelValues
+from .texel_progress import TexelProgress
 from .texels import Texels, covered_texels
+from .workers import workers
 
 ERROR_SAMPLE = 4096  # texels, about, that are traced twice more: enough to fix the RMSE to a few percent
 REPLICATES = (1, 2)  # of the points that tell the error; 0 is the bake
@@ -32,7 +34,8 @@ MOST_OVERLAPS = 1000  # pairs of faces that are told
 MIN_EXPOSED = 0.5
 _BAND_TEXELS = 1 << 18  # at least, so that a band keeps all threads busy
 _BAND_ROWS = 64  # at least, a multiple of the coarsest stride of sparse texels
-_LEAST_BANDS = 4  # of a page, if it has so many rows: the texels of one are found while those of another are traced
+_LEAST_BANDS = 4  # of a page, if it has so many rows
+_MOST_BANDS_AT_ONCE = 4  # each takes memory
 
 
 @dataclass(frozen=True)
@@ -81,14 +84,15 @@ class AtlasLayout:
 class TexelEstimator(Protocol):
     """What finds the values of texels. Four numbers stand for each until `finish` turns them into a colour."""
 
-    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        """Values (n, 4) of the first n texels, and their shares outside of solids (n,).
+    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> TexelValues:
+        """Values of the first n texels.
 
-        `rows` are those of the page in which all texels lie; the others may help to interpolate.
+        `rows` are those of the page in which all texels lie; the others may help to interpolate. Called from several
+        threads at once, each with its own rows.
         """
 
-    def repeat(self, texels: Texels, chosen: np.ndarray, replicate: int) -> np.ndarray:
-        """Values (m, 4) of the texels `chosen` (m,) from other samples."""
+    def repeat(self, texels: Texels, chosen: np.ndarray, replicate: int) -> TexelValues:
+        """Values of the texels `chosen` (m,) from other samples; from several threads at once as well."""
 
     def finish(self, values: np.ndarray) -> None:
         """Turn values (k, 4) into colours in place, in the first three columns; once all texels are estimated."""
@@ -99,12 +103,16 @@ class TexelEstimator(Protocol):
 
 @dataclass
 class TexelCounts:
-    """What was found of the texels of an atlas, band by band.
+    """What was found of the texels of an atlas, or of a band of it.
 
     Attributes
     ----------
     texels, invalid : int
         Covered ones, and those of them that lie mostly inside of solids or have no usable surface.
+    traced : int
+        Those that cast rays of their own.
+    rays, error_rays : int
+        Cast for the values, and to tell their error.
     area, hidden : ndarray, (f,) float64
         Covered area of each face patch, and what of it lies inside of solids; normalised units squared.
     overlap : dict of tuple of int to int
@@ -117,6 +125,9 @@ class TexelCounts:
     hidden: np.ndarray
     texels: int = 0
     invalid: int = 0
+    traced: int = 0
+    rays: int = 0
+    error_rays: int = 0
     overlap: dict[tuple[int, int], int] = field(default_factory=dict)
     sample: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=list)
 
@@ -124,19 +135,34 @@ class TexelCounts:
         """Share of each face outside of solids, (f,); 1 for faces without texels."""
         return 1.0 - self.hidden / np.where(self.area > 0.0, self.area, 1.0)
 
-    def add(self, texels: Texels, valid: np.ndarray) -> None:
-        """Count the first n texels of a band, with their shares outside of solids (n,)."""
-        n, n_faces = len(valid), len(self.area)
-        face, area = texels.face[:n], texels.area[:n]
-        self.texels += n
-        self.invalid += int(np.count_nonzero(valid < MIN_EXPOSED))
-        self.area += np.bincount(face, area, n_faces)
-        self.hidden += np.bincount(face, area * (1.0 - valid), n_faces)
+    @classmethod
+    def none(cls, n_faces: int) -> TexelCounts:
+        """Those of nothing."""
+        return cls(np.zeros(n_faces), np.zeros(n_faces))
+
+    @classmethod
+    def of(cls, texels: Texels, found: TexelValues, n_faces: int) -> TexelCounts:
+        """Those of the first n texels of a band, from what was found of them."""
+        n, face, area = len(found.valid), texels.face, texels.area
         pair = np.flatnonzero((texels.overlap[1:] == texels.overlap[:-1]) & (texels.overlap[1:] < n))
         faces = np.stack([texels.overlap_face[pair], texels.overlap_face[pair + 1]], 1)
-        for (one, other), count in zip(*_counted(faces), strict=True):
-            if (one, other) in self.overlap or len(self.overlap) < MOST_OVERLAPS:
-                self.overlap[one, other] = self.overlap.get((one, other), 0) + count
+        return cls(
+            area=np.bincount(face[:n], area[:n], n_faces),
+            hidden=np.bincount(face[:n], area[:n] * (1.0 - found.valid), n_faces),
+            texels=n,
+            invalid=int(np.count_nonzero(found.valid < MIN_EXPOSED)),
+            traced=found.traced,
+            rays=found.rays,
+            overlap=_counted(faces),
+        )
+
+    def add(self, band: TexelCounts) -> None:
+        """Count those of a band as well."""
+        for name in ("area", "hidden", "texels", "invalid", "traced", "rays", "error_rays", "sample"):
+            setattr(self, name, getattr(self, name) + getattr(band, name))
+        for faces, count in band.overlap.items():
+            if faces in self.overlap or len(self.overlap) < MOST_OVERLAPS:
+                self.overlap[faces] = self.overlap.get(faces, 0) + count
 
     def rmse(self, finish: Callable[[np.ndarray], None]) -> np.ndarray:
         """Root mean square error (3,) of the colours that `finish` makes of values, interpolation included.
@@ -152,46 +178,18 @@ class TexelCounts:
         return np.sqrt(np.maximum(((value - one) * (value - other)).mean(0)[:3], 0.0))
 
 
-class TexelProgress:
-    """Tells a monitor how many texels are done, from the rays cast for those of each band.
+def bands_at_once(settings: BakeSettings) -> int:
+    """How many bands to work through at once: threads share out bands better than the blocks of one."""
+    return min(settings.thread_count(), _MOST_BANDS_AT_ONCE)
 
-    Parameters
-    ----------
-    monitor : Monitor
-        In a phase whose total is the number of texels.
-    rays : int
-        Cast from each texel, about.
+
+def texel_settings(settings: BakeSettings, lightmap: LightmapSettings, texels: float) -> BakeSettings:
+    """Settings for each band: with its part of the threads, and without a ray budget.
+
+    The budget is shared out over the texels, whose areas are alike. Sparse texels cast more rays, which is kept ready
+    for the case that they save none.
     """
-
-    def __init__(self, monitor: Monitor, rays: int) -> None:
-        self._monitor, self._rays = monitor, rays
-        self._lock = threading.Lock()
-        self._left, self._cast = 0, 0
-
-    def begin(self, texels: int) -> None:
-        """A band of so many texels begins."""
-        self._left, self._cast = texels, 0
-
-    def cast(self, rays: int) -> None:
-        """So many rays more were cast; from any thread, and may raise to cancel."""
-        with self._lock:
-            self._cast += rays
-            done = min(self._cast // self._rays, self._left)
-            self._cast -= done * self._rays
-            self._left -= done
-        self._monitor.advance(done)
-
-    def end(self) -> None:
-        """The band is done, however few rays it took."""
-        self._monitor.advance(self._left)
-        self._left = 0
-
-
-def rays_per_texel(settings: BakeSettings, lightmap: LightmapSettings, texels: float) -> BakeSettings:
-    """Settings without a ray budget: it is shared out over the texels, whose areas are alike.
-
-    Sparse texels cast more rays, which is kept ready for the case that they save none.
-    """
+    settings = replace(settings, threads=math.ceil(settings.thread_count() / bands_at_once(settings)))
     if settings.ray_budget is None:
         return settings
     most = texels * (1.0 + MOST_EXTRA_RAYS) if lightmap.adaptive else texels
@@ -206,6 +204,7 @@ def estimate_pages(
     lightmap: LightmapSettings,
     estimator: TexelEstimator,
     progress: TexelProgress,
+    at_once: int,
 ) -> tuple[list[AtlasPage], TexelCounts]:
     """Find the colour of every texel of an atlas.
 
@@ -217,6 +216,8 @@ def estimate_pages(
     lightmap : LightmapSettings
     estimator : TexelEstimator
     progress : TexelProgress
+    at_once : int
+        Bands to work through in threads of their own.
 
     Returns
     -------
@@ -232,22 +233,32 @@ def estimate_pages(
     size = lightmap.size
     if pages > 1:
         check_room(pages, size)
-    counts = TexelCounts(np.zeros(n_faces), np.zeros(n_faces))
+    found = [AtlasPage.empty(size, on_disk=pages > 1) for _ in range(pages)]
     share = ERROR_SAMPLE / max(triangles.texels(), 1.0)
-    estimated = []
-    for number in range(pages):
-        page = AtlasPage.empty(size, on_disk=pages > 1)
-        for texels, n, rows in _one_ahead(_bands(triangles, size, number)):
-            progress.begin(n)
-            values, valid = estimator.estimate(texels, n, rows)
-            sampled = np.flatnonzero((texels.ids[:n] < share * 2.0**32) & (valid >= MIN_EXPOSED))
-            if len(sampled):
-                counts.sample.append((values[sampled], *(estimator.repeat(texels, sampled, k) for k in REPLICATES)))
-            counts.add(texels, valid)
-            page.put(texels.index[:n], values, texels.chart[:n], valid >= MIN_EXPOSED)
-            progress.end()
-        estimated.append(page)
-    return estimated, counts
+
+    def estimate(page: int, rows: tuple[int, int]) -> TexelCounts:
+        texels, n = _band(triangles, size, page, rows)
+        if not n:
+            return TexelCounts.none(n_faces)
+        progress.begin(n)
+        values = estimator.estimate(texels, n, (rows[0], min(rows[1] + 1, size)))
+        counts = TexelCounts.of(texels, values, n_faces)
+        has_value = values.valid >= MIN_EXPOSED
+        sampled = np.flatnonzero((texels.ids[:n] < share * 2.0**32) & has_value)
+        if len(sampled):
+            again = [estimator.repeat(texels, sampled, k) for k in REPLICATES]
+            counts.sample.append((values.values[sampled], *(one.values for one in again)))
+            counts.error_rays = sum(one.rays for one in again)
+        found[page].put(texels.index[:n], values.values, texels.chart[:n], has_value)
+        progress.end(n)
+        return counts
+
+    counts = TexelCounts.none(n_faces)
+    bands = [(page, rows) for page in range(pages) for rows in _rows_of_bands(size)]
+    with workers(at_once) as pool:
+        for band in pool.map(estimate, *zip(*bands, strict=True)):
+            counts.add(band)
+    return found, counts
 
 
 def finish_pages(
@@ -260,27 +271,19 @@ def finish_pages(
     ]
 
 
-def _one_ahead(bands: Iterator[tuple]) -> Iterator[tuple]:
-    """The same bands; each is found while the one before it is traced."""
-    with ThreadPoolExecutor(1) as pool:
-        following = pool.submit(next, bands, None)
-        while (band := following.result()) is not None:
-            following = pool.submit(next, bands, None)
-            yield band
-
-
-def _bands(triangles: AtlasTriangles, size: int, page: int) -> Iterator[tuple[Texels, int, tuple[int, int]]]:
-    """Covered texels of some rows and of the row above them, the number of those below it, and the rows."""
+def _rows_of_bands(size: int) -> list[tuple[int, int]]:
+    """The first row of each band of a page, and the one behind its last."""
     height = _BAND_ROWS * max(1, min(_BAND_TEXELS // (size * _BAND_ROWS), size // (_LEAST_BANDS * _BAND_ROWS)))
-    for first in range(0, size, height):
-        rows = (first, min(first + height + 1, size))
-        texels = covered_texels(triangles, size, page, rows)
-        n = int(np.searchsorted(texels.index, (first + height) * size))
-        if n:
-            yield texels, n, rows
+    return [(first, min(first + height, size)) for first in range(0, size, height)]
 
 
-def _counted(pairs: np.ndarray) -> tuple[list[tuple[int, int]], list[int]]:
+def _band(triangles: AtlasTriangles, size: int, page: int, rows: tuple[int, int]) -> tuple[Texels, int]:
+    """Covered texels of some rows and of the row above them, and the number of those below it."""
+    texels = covered_texels(triangles, size, page, (rows[0], min(rows[1] + 1, size)))
+    return texels, int(np.searchsorted(texels.index, rows[1] * size))
+
+
+def _counted(pairs: np.ndarray) -> dict[tuple[int, int], int]:
     """Distinct rows of pairs (m, 2), and how often each is there."""
     pairs, times = np.unique(pairs, axis=0, return_counts=True)
-    return [(int(one), int(other)) for one, other in pairs], times.tolist()
+    return {(int(one), int(other)): int(count) for (one, other), count in zip(pairs, times, strict=True)}

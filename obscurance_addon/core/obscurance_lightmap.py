@@ -12,7 +12,14 @@ from .adaptive_texels import AdaptiveTexels
 from .ambient import AmbientLight, mean_reflectance
 from .bake import precision_warnings
 from .embree import EmbreeIntersector
-from .lightmap import AtlasLayout, TexelCounts, TexelProgress, estimate_pages, finish_pages, rays_per_texel
+from .lightmap import (
+    AtlasLayout,
+    TexelCounts,
+    bands_at_once,
+    estimate_pages,
+    finish_pages,
+    texel_settings,
+)
 from .lightmap_settings import LightmapSettings
 from .monitor import Monitor
 from .patch_samples import BLOCK_RAYS
@@ -20,7 +27,8 @@ from .patches import Patches, Surfaces
 from .ray_casting import Intersector
 from .scene_building import build_scene
 from .settings import BakeSettings
-from .texel_obscurances import TexelTracer
+from .texel_obscurances import TexelTracer, TexelValues
+from .texel_progress import TexelProgress
 from .texels import Texels
 
 
@@ -113,12 +121,12 @@ def bake_lightmap(
     built = time.perf_counter()
     face_area = scene.cells.area * normalisation.scale**2
     guess = open_value(mean_reflectance(surfaces, face_area, np.ones(len(patches)), None), settings, white)
-    settings = rays_per_texel(settings, lightmap, triangles.texels())
+    at_once, settings = bands_at_once(settings), texel_settings(settings, lightmap, triangles.texels())
     progress = TexelProgress(monitor, settings.rays)
     tracer = TexelTracer(scene, settings, channels_as_grey(surfaces, settings, white), progress.cast, block_rays)
     estimator = _Obscurances(TexelObscurances(tracer, guess, lightmap), guess, white)
     monitor.phase("trace", int(triangles.texels()))
-    pages, counts = estimate_pages(triangles, layout.pages, len(patches), lightmap, estimator, progress)
+    pages, counts = estimate_pages(triangles, layout.pages, len(patches), lightmap, estimator, progress, at_once)
     traced = time.perf_counter()
     r_ave = mean_reflectance(surfaces, face_area, counts.exposed(), patch_reflectance)
     estimator.open_value = open_value(r_ave, settings, white)
@@ -126,13 +134,13 @@ def bake_lightmap(
     return Lightmap(
         pages=finished,
         counts=counts,
-        traced=estimator.source.traced,
+        traced=counts.traced,
         use=counts.texels / (layout.pages * lightmap.size**2),
         r_ave=r_ave,
         rmse=counts.rmse(estimator.finish),
         d_max=d_max,
-        rays=tracer.rays - estimator.error_rays,
-        error_rays=estimator.error_rays,
+        rays=counts.rays,
+        error_rays=counts.error_rays,
         seconds={"build": built - began, "trace": traced - built, "margin": time.perf_counter() - traced},
         warnings=precision_warnings(scene, d_max, normalisation.scale),
     )
@@ -161,46 +169,35 @@ class TexelObscurances:
     open_value : ndarray, (3,)
         About what an open texel has.
     lightmap : LightmapSettings
-
-    Attributes
-    ----------
-    traced : int
-        Texels so far that cast rays.
     """
 
     def __init__(self, tracer: TexelTracer, open_value: np.ndarray, lightmap: LightmapSettings) -> None:
-        self.tracer, self.traced = tracer, 0
+        self.tracer = tracer
         self._adaptive = AdaptiveTexels(tracer, open_value, lightmap.error_bound) if lightmap.adaptive else None
 
-    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        """As of `TexelEstimator`, with values as of `TexelValues`."""
+    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> TexelValues:
+        """As of `TexelEstimator`."""
         if self._adaptive is None:
-            found = self.tracer.trace(texels, np.arange(n))
-            self.traced += n
-            return found.values, found.valid
+            return self.tracer.trace(texels, np.arange(n))
         band = self._adaptive.interpolate(texels, rows)
         left = np.flatnonzero(~(band.known | band.between)[:n])
         found = self.tracer.trace(texels, left)
         band.values[left], band.valid[left] = found.values, found.valid
-        self.traced += n - int(np.count_nonzero((band.between & ~band.known)[:n]))
-        return band.values[:n], band.valid[:n]
+        interpolated = int(np.count_nonzero((band.between & ~band.known)[:n]))
+        return TexelValues(band.values[:n], band.valid[:n], band.rays + found.rays, n - interpolated)
 
 
 class _Obscurances:
     """Estimates obscurances; `open_value` (3,) may be a guess until the texels are finished."""
 
     def __init__(self, source: TexelObscurances, open_value: np.ndarray, white: bool) -> None:
-        self.source, self.open_value, self._white = source, open_value, white
-        self.error_rays = 0
+        self._source, self.open_value, self._white = source, open_value, white
 
-    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        return self.source.estimate(texels, n, rows)
+    def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> TexelValues:
+        return self._source.estimate(texels, n, rows)
 
-    def repeat(self, texels: Texels, chosen: np.ndarray, replicate: int) -> np.ndarray:
-        before = self.source.tracer.rays
-        values = self.source.tracer.trace(texels, chosen, replicate=replicate).values
-        self.error_rays += self.source.tracer.rays - before
-        return values
+    def repeat(self, texels: Texels, chosen: np.ndarray, replicate: int) -> TexelValues:
+        return self._source.tracer.trace(texels, chosen, replicate=replicate)
 
     def finish(self, values: np.ndarray) -> None:
         for column, open_value in zip(values.T, self.open_value.astype(values.dtype), strict=False):

@@ -25,19 +25,25 @@ class TexelValues:
         the first three plus the fourth times R_ave. 0 for texels inside of solids.
     valid : ndarray, (m,) float64
         Share of each texel outside of solids.
+    rays : int
+        Cast for them.
+    traced : int
+        How many of the texels cast rays of their own.
     nearness, nearest : ndarray, (m,) float64, or None
         As of `ObscuranceSums`.
     """
 
     values: np.ndarray
     valid: np.ndarray
+    rays: int
+    traced: int
     nearness: np.ndarray | None = None
     nearest: np.ndarray | None = None
 
 
-@dataclass
+@dataclass(frozen=True)
 class TexelTracer:
-    """Casts the rays of texels and counts them.
+    """Casts the rays of texels; from several threads at once, if need be.
 
     Parameters
     ----------
@@ -57,7 +63,6 @@ class TexelTracer:
     as_grey: np.ndarray
     progress: Callable[[int], None]
     block_rays: int
-    rays: int = 0
 
     def trace(
         self, texels: Texels, chosen: np.ndarray, *, factor: int = 1, replicate: int = 0, with_distances: bool = False
@@ -76,7 +81,6 @@ class TexelTracer:
             )
             for cells in texels.cells_of(chosen)
         ]
-        self.rays += sum(part.rays for part in sums)
         return self._joined(*sums)
 
     def _joined(self, whole: ObscuranceSums, parts: ObscuranceSums) -> TexelValues:
@@ -85,9 +89,11 @@ class TexelTracer:
         values[:, :3] = np.where(self.as_grey, hit[:, 3:], hit[:, :3])
         values[:, 3] = miss
         values /= np.where(valid > 0.0, valid, np.inf)[:, None]
+        found = TexelValues(values, valid, whole.rays + parts.rays, len(valid))
         if whole.nearness is None:
-            return TexelValues(values, valid)
-        return TexelValues(values, valid, whole.nearness + parts.nearness, np.minimum(whole.nearest, parts.nearest))
+            return found
+        nearest = np.minimum(whole.nearest, parts.nearest)
+        return replace(found, nearness=whole.nearness + parts.nearness, nearest=nearest)
 
 
 def texel_triangles(texels: Texels, chosen: np.ndarray) -> Cells:

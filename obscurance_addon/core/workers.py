@@ -9,8 +9,8 @@ from contextlib import contextmanager
 
 @contextmanager
 def workers(threads: int) -> Iterator[Executor]:
-    """An executor with so many threads for as long as the block lasts; 0 is the caller's own."""
-    with ThreadPoolExecutor(threads) if threads else _Alone() as executor:
+    """An executor with so many threads for as long as the block lasts; the caller's own if that is fewer than two."""
+    with ThreadPoolExecutor(threads) if threads > 1 else _Alone() as executor:
         yield executor
 
 

@@ -11,6 +11,7 @@ from obscurance_addon.core.adaptive_texels import STRIDES
 from obscurance_addon.core.errors import GeometryError
 from obscurance_addon.core.lightmap import TexelCounts
 from obscurance_addon.core.settings import BakeSettings
+from obscurance_addon.core.texel_obscurances import TexelValues
 
 from .lightmap_scenes import flat, mapped_scene
 from .scenes import floor
@@ -39,9 +40,10 @@ def test_sparse_texels_keep_to_the_budget_where_they_save_nothing(per_texel):
 def test_bands_begin_where_sparse_texels_do(size):
     """At multiples of the coarsest stride, whatever the size; the bands share their rows out without a gap."""
     corners = rectangle(1, 1, size - 1, size - 1)
-    bands = list(lightmap._bands(atlas(np.array(corners)), size, 0))
-    assert all(first % STRIDES[0] == 0 for _, _, (first, _) in bands)
-    index = np.concatenate([found.index[:n] for found, n, _ in bands])
+    rows = lightmap._rows_of_bands(size)
+    assert all(first % STRIDES[0] == 0 for first, _ in rows)
+    bands = [lightmap._band(atlas(np.array(corners)), size, 0, of) for of in rows]
+    index = np.concatenate([found.index[:n] for found, n in bands])
     assert np.array_equal(index, np.unique(index))
     assert len(index) == (size - 2) ** 2
 
@@ -74,7 +76,8 @@ def test_pages_without_room_on_the_disk_are_refused(monkeypatch):
 def test_overlaps_are_counted_by_the_faces_that_overlap(triangles, face, chart, expected):
     """A face may overlap itself; faces that share an edge do not overlap."""
     found = texels(atlas(triangles, face=face, chart=chart))
-    counts = TexelCounts(np.zeros(4), np.zeros(4))
-    counts.add(found, np.ones(len(found)))
+    values = TexelValues(np.zeros((len(found), 4)), np.ones(len(found)), rays=0, traced=0)
+    counts = TexelCounts.none(4)
+    counts.add(TexelCounts.of(found, values, 4))
     assert counts.overlap.keys() == expected.keys()
     assert sum(counts.overlap.values()) == sum(expected.values())

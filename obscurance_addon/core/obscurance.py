@@ -113,11 +113,12 @@ def _ignore(_rays: int) -> None:
 class Caster:
     """Sums per cell, filled block by block; every block writes its own cells, so threads need no lock.
 
-    Parameters as for `gather_obscurances`. Where the answers to the rays come from, subclasses may decide, and whether
-    tables of samples are kept for casters to come.
+    Parameters as for `gather_obscurances`. Where the answers to the rays come from, subclasses may decide, and how
+    samples are made, as of `PatchSamples`.
     """
 
     keeps_tables = False
+    favours_directions = False
 
     def __init__(
         self,
@@ -135,7 +136,8 @@ class Caster:
         self.block_rays = block_rays
         self.rays = 0
         per_patch = allocate_rays(scene.cells.area, settings) if rays is None else rays
-        self.samples = PatchSamples(scene.cells, ids, per_patch, settings, replicate, block_rays, self.keeps_tables)
+        how = {"keeps_tables": self.keeps_tables, "favours_directions": self.favours_directions}
+        self.samples = PatchSamples(scene.cells, ids, per_patch, settings, replicate, block_rays, **how)
         self.sums = np.zeros((6 + with_distances, len(scene.cells.patch)))
         self.nearest = np.full(len(scene.cells.patch), FAR, np.float64) if with_distances else None
 

@@ -38,6 +38,8 @@ class PatchSamples:
         Samples per task; results do not depend on it.
     keeps_tables : bool
         Make tables of all point sets, however few the cells need, and keep them for the next cells.
+    favours_directions : bool
+        As of `sampling.ray_table`: for patches so small that places on them make little difference.
 
     Attributes
     ----------
@@ -56,6 +58,7 @@ class PatchSamples:
         replicate: int = 0,
         block_rays: int = BLOCK_RAYS,
         keeps_tables: bool = False,
+        favours_directions: bool = False,
     ) -> None:
         self.cells = cells
         self.start, self.count = split_rays(cells.patch, cells.weight, per_patch)
@@ -64,7 +67,7 @@ class PatchSamples:
         self._sampler: Sampler = settings.sampler
         self._seed = int(hash32(np.uint32(settings.seed) ^ hash32(np.uint32(replicate))))
         self.threads = settings.thread_count()
-        self._keeps_tables = keeps_tables
+        self._keeps_tables, self._favours_directions = keeps_tables, favours_directions
         self._scramble = scramble_of(ids, self._seed)
 
     def run(
@@ -127,7 +130,7 @@ class PatchSamples:
         return np.matmul(rows[..., 3:6], self.cells.frames[cells][..., 3:], out=out).reshape(-1, 3)
 
     def _table(self, sets: np.ndarray, first: int, count: int, columns: tuple[str, ...]) -> np.ndarray:
-        rest = (first, count, columns, not self.cells.are_parallelograms)
+        rest = (first, count, columns, not self.cells.are_parallelograms, self._favours_directions)
         if len(sets) == SCRAMBLES:
             return _whole_table(self._sampler, self._seed, *rest)
         return ray_table(self._sampler, self._seed, sets, *rest)
@@ -153,7 +156,7 @@ class PatchSamples:
         return rows.reshape(m, n, width)
 
 
-@functools.lru_cache(maxsize=8)  # of at most 6 MB each: the bands of a lightmap ask for the same ones
+@functools.lru_cache(maxsize=24)  # of at most 6 MB each: all that the bands of a lightmap ask for again and again
 def _whole_table(sampler: Sampler, seed: int, *arguments: object) -> np.ndarray:
     """`ray_table` of all point sets; nobody may write to it."""
     return ray_table(sampler, seed, np.arange(SCRAMBLES), *arguments)

@@ -162,6 +162,7 @@ def ray_table(
     count: int,
     columns: tuple[str, ...] = DIRECTION,
     on_triangle: bool = True,
+    favours_directions: bool = False,
 ) -> np.ndarray:
     """Samples `first` .. `first + count - 1` of the point sets named by `scrambles`, mapped to cell and hemisphere.
 
@@ -179,6 +180,8 @@ def ray_table(
         DIRECTION or UNIT.
     on_triangle : bool
         Cells are triangles; else parallelograms, of which b1 and b2 cover the whole unit square.
+    favours_directions : bool
+        Directions take the two dimensions that are spread best together, not places.
 
     Returns
     -------
@@ -186,10 +189,13 @@ def ray_table(
         Columns b1, b2, 1 (position on the cell) and x, y, z (direction about the normal), or u, v in 0 .. 1.
     """
     unit = unit_points(sampler, seed, scrambles, first, count)
+    place, direction = unit[..., 0:2], unit[..., 2:4]
+    if favours_directions:
+        place, direction = direction, place
     table = np.empty((len(scrambles), count, 3 + len(columns)), np.float32)
-    table[..., 0:2] = sample_triangle(unit[..., 0:2]) if on_triangle else unit[..., 0:2]
+    table[..., 0:2] = sample_triangle(place) if on_triangle else place
     table[..., 2] = 1.0
-    table[..., 3:] = unit[..., 2:4] if columns is UNIT else sample_cosine_hemisphere(unit[..., 2:4])
+    table[..., 3:] = direction if columns is UNIT else sample_cosine_hemisphere(direction)
     return table
 
 

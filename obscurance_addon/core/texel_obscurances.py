@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .obscurance import ObscuranceSums, gather_obscurances
+from .obscurance import Caster, ObscuranceSums
 from .patches import Cells, as_triangles
 from .settings import BakeSettings
 from .texels import Texels
 from .traced_scene import TracedScene
+
+TEXEL_BLOCK_RAYS = 65536  # per task, for little is done to each ray: more than `patch_samples.BLOCK_RAYS`, more memory too
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,11 @@ class TexelValues:
     traced: int
     nearness: np.ndarray | None = None
     nearest: np.ndarray | None = None
+
+
+class _TexelCaster(Caster):
+    keeps_tables = True  # every band asks for the same ones
+    favours_directions = True
 
 
 @dataclass(frozen=True)
@@ -69,18 +76,12 @@ class TexelTracer:
     ) -> TexelValues:
         """Values of the texels `chosen` (m,) int, ascending, from `factor` times the usual number of rays."""
         settings = replace(self.settings, rays=self.settings.rays * factor)
-        sums = [
-            gather_obscurances(
-                replace(self.scene, cells=cells),
-                texels.ids[chosen],
-                settings,
-                replicate=replicate,
-                progress=self.progress,
-                block_rays=self.block_rays,
-                with_distances=with_distances,
-            )
-            for cells in texels.cells_of(chosen)
-        ]
+        rest = (texels.ids[chosen], settings, replicate, self.progress, self.block_rays, with_distances)
+        sums = []
+        for cells in texels.cells_of(chosen):
+            caster = _TexelCaster(replace(self.scene, cells=cells), *rest)
+            caster.cast_all()
+            sums.append(caster.patch_sums())
         return self._joined(*sums)
 
     def _joined(self, whole: ObscuranceSums, parts: ObscuranceSums) -> TexelValues:

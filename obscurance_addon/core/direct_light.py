@@ -186,13 +186,13 @@ class _ShadowRays:
         self.tried = np.zeros(len(scene.sources), bool)
         self.reached = np.zeros(len(scene.sources), bool)
 
-    def cast(self, cells: np.ndarray, rows: np.ndarray) -> None:
-        """Add rows (m, n, 5) of cells (m,)."""
-        m, n = rows.shape[:2]
+    def cast(self, cells: np.ndarray, samples: np.ndarray) -> None:
+        """Add samples (4, m, n) of cells (m,)."""
+        m, n = samples.shape[1:]
         traced = self.scene.traced
-        origins = self.samples.origins(cells, rows)
+        origins = self.samples.origins(cells, samples)
         normals = np.repeat(traced.cells.frames[cells, 2, 3:], n, axis=0)
-        unit = rows[..., 3:5].reshape(-1, 2)
+        unit = samples[2:4].reshape(2, -1).T
         may_be_inside = np.repeat(self.partly_inside[cells], n)
         total = np.zeros((m, 3))
         for index, source in enumerate(self.scene.sources):
@@ -221,18 +221,18 @@ class _FarRays:
         self.sums = np.zeros((len(scene.traced.cells.patch), 5))
         self._sky = np.float32(np.pi * scene.world)
 
-    def cast(self, cells: np.ndarray, rows: np.ndarray) -> None:
-        """Add rows (m, n, 6) of cells (m,)."""
-        m, n = rows.shape[:2]
+    def cast(self, cells: np.ndarray, samples: np.ndarray) -> None:
+        """Add samples (5, m, n) of cells (m,)."""
+        m, n = samples.shape[1:]
         traced = self.scene.traced
-        origins, directions = self.samples.origins(cells, rows), self.samples.directions(cells, rows)
+        origins, directions = self.samples.origins(cells, samples), self.samples.directions(cells, samples)
         hits = traced.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
         pass_doubled_faces(traced, cells, n, origins, directions, FAR, hits)
         met = hits.triangle >= 0
         if self.scene.shines_on_rays:
             found = np.where(met[:, None], np.float32(0.0), self._sky)
             if self.scene.emitters is not None:
-                found += self.scene.emitters.met(hits, directions, rows[..., 5].ravel())
+                found += self.scene.emitters.met(hits, directions, samples[4].ravel())
             self.sums[cells, :3] += found.reshape(m, n, 3).sum(1, dtype=np.float64)
         if traced.solid is not None:
             inside = starts_inside(traced, directions, hits)

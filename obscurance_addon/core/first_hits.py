@@ -82,7 +82,9 @@ def shadowed(
 def starts_inside(scene: TracedScene, directions: np.ndarray, hits: Hits) -> np.ndarray:
     """(n,) bool: rays whose first hit is the inside of a solid, which therefore start inside of it."""
     with np.errstate(all="ignore"):  # normals of misses hold anything
-        along = directions * hits.normal
-        inside = along[:, 0] + along[:, 1] + along[:, 2] > 0.0
+        along = directions[:, 0] * hits.normal[:, 0]  # coordinate by coordinate, as directions lie in memory
+        along += directions[:, 1] * hits.normal[:, 1]
+        along += directions[:, 2] * hits.normal[:, 2]
+        inside = along > 0.0
     inside &= np.take(scene.solid, hits.triangle + 1, mode="clip")
     return inside

@@ -138,13 +138,13 @@ class LayeredCaster(Caster):
         self.probes[self.scene.cells.patch[cells]] = hits.triangle
         return directions, hits
 
-    def _cast_block(self, cells: np.ndarray, rows: np.ndarray, unbounded: bool) -> None:
+    def _cast_block(self, cells: np.ndarray, samples: np.ndarray, unbounded: bool) -> None:
         kept_sums = self.uses_kept_sums and self._mode is _Mode.CACHED
         if not kept_sums or unbounded or self.scene.needs_only_occlusion:
-            super()._cast_block(cells, rows, unbounded)
+            super()._cast_block(cells, samples, unbounded)
             return
-        n, slots = rows.shape[1], self._slots[cells]
-        origins, directions = self.samples.origins(cells, rows), self.samples.directions(cells, rows)
+        n, slots = samples.shape[2], self._slots[cells]
+        origins, directions = self.samples.origins(cells, samples), self.samples.directions(cells, samples)
         moved = nothing(self._cache.distances(slots, n))
         for layer in self._layers_near(cells):
             layer.nearer(origins, directions, moved, self._helper)
@@ -249,4 +249,4 @@ class LayeredCaster(Caster):
 
 def _rays_of(cells: np.ndarray, n: int, rays: np.ndarray) -> np.ndarray:
     """Those of n rays each, (m n, ...), that belong to some of m cells, (k,) int."""
-    return rays.reshape(-1, n, *rays.shape[1:]).take(cells, axis=0).reshape(-1, *rays.shape[1:])
+    return rays[(cells[:, None] * n + np.arange(n)).ravel()]

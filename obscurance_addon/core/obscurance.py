@@ -143,12 +143,12 @@ class Caster:
 
     def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
         """Add all rays of the cells (m,) int to their sums, in passes over the ray sequence."""
-        self.rays += self.samples.run(cells, lambda block, rows: self._cast_block(block, rows, unbounded))
+        self.rays += self.samples.run(cells, lambda block, samples: self._cast_block(block, samples, unbounded))
 
-    def _cast_block(self, cells: np.ndarray, rows: np.ndarray, unbounded: bool) -> None:
-        """Cast the rays of rows (m, n, 6) from cells (m,) and add what they meet to the sums."""
-        scene, n = self.scene, rows.shape[1]
-        origins, directions = self.samples.origins(cells, rows), self.samples.directions(cells, rows)
+    def _cast_block(self, cells: np.ndarray, samples: np.ndarray, unbounded: bool) -> None:
+        """Cast the rays of samples (5, m, n) from cells (m,) and add what they meet to the sums."""
+        scene, n = self.scene, samples.shape[2]
+        origins, directions = self.samples.origins(cells, samples), self.samples.directions(cells, samples)
         limit = FAR if unbounded else scene.limit
         limits = self.samples.scratch.array("limits", (len(origins),))
         limits.fill(limit)
@@ -263,8 +263,8 @@ class Caster:
 
     def probe(self, cells: np.ndarray) -> tuple[np.ndarray, Hits]:
         """Directions (m, 3) and unlimited hits of the first ray of each cell (m,)."""
-        rows = self.samples.first_rows(cells)
-        origins, directions = self.samples.origins(cells, rows), self.samples.directions(cells, rows)
+        samples = self.samples.first(cells)
+        origins, directions = self.samples.origins(cells, samples), self.samples.directions(cells, samples)
         return directions, self.scene.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
 
     def patch_sums(self) -> ObscuranceSums:

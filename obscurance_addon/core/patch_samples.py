@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -73,10 +73,10 @@ class PatchSamples:
     def run(
         self, cells: np.ndarray, work: Callable[[np.ndarray, np.ndarray], None], columns: tuple[str, ...] = DIRECTION
     ) -> int:
-        """Call `work(cells, rows)` from several threads for all samples of the cells (m,) int.
+        """Call `work(cells, samples)` from several threads for all samples of the cells (m,) int.
 
-        `rows` is (m, n, k) float32 with n samples of each cell, columns as of `sampling.ray_table`; it is overwritten
-        after the call. A cell may come in several calls, which never run at once.
+        `samples` is (k, m, n) float32 with n samples of each cell, as of `sampling.ray_table`; it is overwritten after
+        the call. A cell may come in several calls, which never run at once.
 
         Returns
         -------
@@ -93,7 +93,6 @@ class PatchSamples:
                 low, high = np.maximum(start, first), np.minimum(end, first + TABLE_ROWS)
                 rows = min(TABLE_ROWS, int(end.max()) - first)
                 table = self._table(sets, first, rows, columns)
-                table = table.reshape(-1, table.shape[-1])
                 tasks = []
                 n_rays = np.maximum(high - low, 0)
                 for n in np.flatnonzero(np.bincount(n_rays)[1:]) + 1:  # cells with the same number of rays go together
@@ -113,21 +112,43 @@ class PatchSamples:
                     pass
         return total
 
-    def first_rows(self, cells: np.ndarray) -> np.ndarray:
-        """The first sample of each cell (m,) int, (m, 1, 6) float32."""
+    def first(self, cells: np.ndarray) -> np.ndarray:
+        """The first sample of each cell (m,) int, (5, m, 1) float32."""
         sets, row = self._point_sets(cells)
-        table = self._table(sets, 0, 1, DIRECTION)
-        return self._take(table.reshape(-1, table.shape[-1]), row, 1)
+        return self._take(self._table(sets, 0, 1, DIRECTION), row, 1)
 
-    def origins(self, cells: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Where the rays of rows (m, n, k) of cells (m,) start, (m n, 3) float32."""
-        out = self.scratch.array("origins", (*rows.shape[:2], 3))
-        return np.matmul(rows[..., :3], self.cells.frames[cells][..., :3], out=out).reshape(-1, 3)
+    def origins(self, cells: np.ndarray, samples: np.ndarray) -> np.ndarray:
+        """Where the rays of samples (k, m, n) of cells (m,) start, (m n, 3) float32, one coordinate after the other."""
+        edge1, edge2, corner = self._frames(cells, slice(0, 3))
+        out = self.scratch.array("origins", (3, *samples.shape[1:]))
+        for axis, (coordinate, more) in enumerate(self._terms(out)):
+            np.multiply(samples[0], edge1[axis], out=coordinate)
+            coordinate += np.multiply(samples[1], edge2[axis], out=more)
+            coordinate += corner[axis]
+        return out.reshape(3, -1).T
 
-    def directions(self, cells: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Where the rays of rows (m, n, k >= 6) of cells (m,) go, (m n, 3) float32 unit vectors."""
-        out = self.scratch.array("directions", (*rows.shape[:2], 3))
-        return np.matmul(rows[..., 3:6], self.cells.frames[cells][..., 3:], out=out).reshape(-1, 3)
+    def directions(self, cells: np.ndarray, samples: np.ndarray) -> np.ndarray:
+        """Where the rays of samples (5, m, n) of cells (m,) go, (m n, 3) float32 unit vectors, as `origins`."""
+        tangent, bitangent, normal = self._frames(cells, slice(3, 6))
+        out = self.scratch.array("directions", (3, *samples.shape[1:]))
+        for axis, (coordinate, more) in enumerate(self._terms(out)):
+            np.multiply(samples[2], tangent[axis], out=coordinate)
+            coordinate += np.multiply(samples[3], bitangent[axis], out=more)
+            coordinate += np.multiply(samples[4], normal[axis], out=more)
+        return out.reshape(3, -1).T
+
+    def _frames(self, cells: np.ndarray, part: slice) -> np.ndarray:
+        """Three vectors of each cell (m,), (3, 3, m, 1): row, coordinate, cell."""
+        frames = np.take(self.cells.frames.reshape(-1, 18), cells, axis=0).reshape(-1, 3, 6)
+        return frames[..., part].transpose(1, 2, 0)[..., None]
+
+    def _terms(self, out: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """The coordinates of `out` (3, m, n) one by one, and an array (m, n) for what is added to each.
+
+        Products of whole columns: those of small matrices cost numpy several times as much.
+        """
+        more = self.scratch.array("more", out.shape[1:])
+        return ((coordinate, more) for coordinate in out)
 
     def _table(self, sets: np.ndarray, first: int, count: int, columns: tuple[str, ...]) -> np.ndarray:
         rest = (first, count, columns, not self.cells.are_parallelograms, self._favours_directions)
@@ -145,15 +166,16 @@ class PatchSamples:
         return np.flatnonzero(used), (np.cumsum(used) - 1)[scramble]
 
     def _take(self, table: np.ndarray, base: np.ndarray, n: int) -> np.ndarray:
-        """n rows of the table (t, k) from each of `base` (m,) on, (m, n, k) float32."""
-        m, width = len(base), table.shape[1]
-        rows = self.scratch.array("rows", (m, n * width))
-        if len(table) % n == 0 and not (base % n).any():  # whole groups of rows are copied at once
-            np.take(table.reshape(-1, n * width), base // n, axis=0, mode="clip", out=rows)
+        """n samples of the table (k, s, count) from each of `base` (m,) on, as if sets were one; (k, m, n) float32."""
+        out = self.scratch.array("samples", (len(table), len(base), n))
+        table = table.reshape(len(table), -1)
+        if table.shape[1] % n == 0 and not (base % n).any():  # whole groups of samples are copied at once
+            table, index = table.reshape(len(table), -1, n), base // n
         else:
-            index = (base[:, None] + np.arange(n)).ravel()
-            np.take(table, index, axis=0, mode="clip", out=rows.reshape(-1, width))
-        return rows.reshape(m, n, width)
+            index = base[:, None] + np.arange(n)
+        for column, found in zip(table, out, strict=True):
+            np.take(column, index, axis=0, mode="clip", out=found)
+        return out
 
 
 @functools.lru_cache(maxsize=24)  # of at most 6 MB each: all that the bands of a lightmap ask for again and again

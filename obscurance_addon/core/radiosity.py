@@ -102,9 +102,9 @@ def gather_form_factors(
     share = cells.weight / samples.count
     lock, found = threading.Lock(), []
 
-    def cast(block: np.ndarray, rows: np.ndarray) -> None:
-        n = rows.shape[1]
-        target = _patch_seen(scene, samples.origins(block, rows), samples.directions(block, rows))
+    def cast(block: np.ndarray, points: np.ndarray) -> None:
+        n = points.shape[2]
+        target = _patch_seen(scene, samples.origins(block, points), samples.directions(block, points))
         seen = target >= 0
         cell = np.repeat(block, n)[seen]
         key, place, count = np.unique(cell * n_patches + target[seen], return_index=True, return_counts=True)
@@ -163,9 +163,9 @@ def gather_radiosity(
     light = np.concatenate([radiosity, np.zeros((1, 3))]).astype(np.float32)  # the last one is that of nothing
     sums = np.zeros((len(cells.patch), 3))
 
-    def cast(block: np.ndarray, rows: np.ndarray) -> None:
-        target = _patch_seen(scene, samples.origins(block, rows), samples.directions(block, rows))
-        sums[block] += light[target].reshape(*rows.shape[:2], 3).sum(1, dtype=np.float64)
+    def cast(block: np.ndarray, points: np.ndarray) -> None:
+        target = _patch_seen(scene, samples.origins(block, points), samples.directions(block, points))
+        sums[block] += light[target].reshape(*points.shape[1:], 3).sum(1, dtype=np.float64)
         progress(len(target))
 
     rays = samples.run(np.arange(len(cells.patch)), cast)

@@ -40,7 +40,7 @@ class Intersector(Protocol):
 
         Parameters
         ----------
-        origins, directions : ndarray, (n, 3) float32, C-contiguous
+        origins, directions : ndarray, (n, 3) float32
             Directions are unit vectors.
         limits : ndarray, (n,) float32
             Lengths beyond which nothing counts.

@@ -1,7 +1,7 @@
 """Maps from the unit square to what is sampled; the density and the inverse stand beside each map.
 
 The table of rays at the end is what the estimator uses: many independent scramblings of the same 4D points, mapped once
-and shared by all patches, so that a ray costs one look-up and two small matrix products.
+and shared by all patches, so that a ray costs one look-up and two small products.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from . import sobol
 from .settings import Sampler
 
-DIRECTION = ("x", "y", "z")  # what a row of a ray table tells beside the place: a direction about the normal,
+DIRECTION = ("x", "y", "z")  # what a ray table tells beside the place: a direction about the normal,
 UNIT = ("u", "v")  # or the two coordinates that are left, for what is not a hemisphere
 BELOW_ONE = np.nextafter(np.float32(1.0), np.float32(0.0))  # for numbers that single precision rounded up to 1
 SCRAMBLES = 256  # independent point sets; neighbours rarely share one, and a table of 64 rays stays in the L2 cache
@@ -185,18 +185,16 @@ def ray_table(
 
     Returns
     -------
-    ndarray, (s, count, 6 or 5) float32
-        Columns b1, b2, 1 (position on the cell) and x, y, z (direction about the normal), or u, v in 0 .. 1.
+    ndarray, (5 or 4, s, count) float32
+        b1, b2 (place on the cell) and x, y, z (direction about the normal), or u, v in 0 .. 1.
     """
     unit = unit_points(sampler, seed, scrambles, first, count)
     place, direction = unit[..., 0:2], unit[..., 2:4]
     if favours_directions:
         place, direction = direction, place
-    table = np.empty((len(scrambles), count, 3 + len(columns)), np.float32)
-    table[..., 0:2] = sample_triangle(place) if on_triangle else place
-    table[..., 2] = 1.0
-    table[..., 3:] = direction if columns is UNIT else sample_cosine_hemisphere(direction)
-    return table
+    place = sample_triangle(place) if on_triangle else place
+    direction = direction if columns is UNIT else sample_cosine_hemisphere(direction)
+    return np.stack([*np.moveaxis(place, -1, 0), *np.moveaxis(direction, -1, 0)]).astype(np.float32)
 
 
 def unit_points(sampler: Sampler, seed: int, scrambles: np.ndarray, first: int, count: int) -> np.ndarray:

@@ -13,7 +13,7 @@ from .settings import BakeSettings
 from .texels import Texels
 from .traced_scene import TracedScene
 
-TEXEL_BLOCK_RAYS = 65536  # per task, for little is done to each ray: more than `patch_samples.BLOCK_RAYS`, more memory too
+TEXEL_BLOCK_RAYS = 65536  # per task: rays of texels are short, so that Python's overhead for each task weighs more
 
 
 @dataclass(frozen=True)

@@ -100,24 +100,32 @@ def test_frames_are_right_handed_and_orthonormal():
 
 
 @pytest.mark.parametrize("sampler", list(Sampler))
-def test_table_rows_of_other_scrambles_and_seeds_differ(sampler):
+def test_samples_of_other_scrambles_and_seeds_differ(sampler):
     table = sampling.ray_table(sampler, 5, np.array([0, 1, 255]), 0, 64)
-    assert table.shape == (3, 64, 6)
+    assert table.shape == (5, 3, 64)
     assert table.dtype == np.float32
-    np.testing.assert_array_equal(table[..., 2], 1.0)
     np.testing.assert_array_equal(table, sampling.ray_table(sampler, 5, np.array([0, 1, 255]), 0, 64))
-    np.testing.assert_array_equal(table[1:2], sampling.ray_table(sampler, 5, np.array([1]), 0, 64))
+    np.testing.assert_array_equal(table[:, 1:2], sampling.ray_table(sampler, 5, np.array([1]), 0, 64))
     other = sampling.ray_table(sampler, 6, np.array([0, 1, 255]), 0, 64)
-    rays = np.concatenate([table, other])[..., [0, 1, 3, 4, 5]].reshape(6 * 64, 5)
-    assert len(np.unique(rays, axis=0)) == 6 * 64
+    rays = np.concatenate([table, other], 1).reshape(5, -1)
+    assert len(np.unique(rays, axis=1).T) == 6 * 64
 
 
 def test_sobol_table_of_a_range_continues_the_sequence():
     whole = sampling.ray_table(Sampler.SOBOL, 5, np.arange(3), 0, 96)
-    np.testing.assert_array_equal(sampling.ray_table(Sampler.SOBOL, 5, np.arange(3), 32, 64), whole[:, 32:])
+    np.testing.assert_array_equal(sampling.ray_table(Sampler.SOBOL, 5, np.arange(3), 32, 64), whole[..., 32:])
+
+
+def test_directions_may_take_the_dimensions_of_places():
+    """The same points of the unit square, for one or for the other."""
+    places, favoured = (
+        sampling.ray_table(Sampler.SOBOL, 5, np.arange(3), 0, 64, sampling.UNIT, False, favours)
+        for favours in (False, True)
+    )
+    np.testing.assert_array_equal(favoured, places[[2, 3, 0, 1]])
 
 
 def test_random_passes_do_not_repeat():
     one, two = (sampling.ray_table(Sampler.RANDOM, 5, np.arange(3), first, 1024) for first in (0, 1024))
-    assert not np.isin(one[..., 0], two[..., 0]).all(1).any()
-    assert abs(np.corrcoef(one[..., 0].ravel(), two[..., 0].ravel())[0, 1]) < 5.0 / np.sqrt(3 * 1024)
+    assert not np.isin(one[0], two[0]).all(1).any()
+    assert abs(np.corrcoef(one[0].ravel(), two[0].ravel())[0, 1]) < 5.0 / np.sqrt(3 * 1024)

@@ -27,9 +27,9 @@ from obscurance_addon.blender.scene_geometry import snapshot_scene
 from obscurance_addon.core.embree import EmbreeIntersector
 from obscurance_addon.core.lightmap_settings import LightmapSettings, UvMode
 from obscurance_addon.core.obscurance_lightmap import bake_lightmap
+from obscurance_addon.core.patch_samples import BLOCK_RAYS, TexelTracer
 from obscurance_addon.core.scene_building import build_scene
 from obscurance_addon.core.settings import BakeSettings
-from obscurance_addon.core.texel_obscurances import TEXEL_BLOCK_RAYS, TexelTracer
 from obscurance_addon.core.texels import covered_texels
 
 SOLIDS, MANY_SOLIDS = 9, 300
@@ -270,7 +270,7 @@ def _comparable_texels(objects: list[bpy.types.Object], size: int) -> tuple[np.n
     arrays, layout = _read(objects, lightmap)
     scene, normalisation, _d_max = build_scene(arrays.surfaces, arrays.patches, settings)
     texels = covered_texels(layout.triangles(size, normalisation), size, 0, (0, size))
-    tracer = TexelTracer(scene, settings, np.ones(3, bool), lambda _rays: None, TEXEL_BLOCK_RAYS)
+    tracer = TexelTracer(scene, settings, np.ones(3, bool), lambda _rays: None, BLOCK_RAYS)
     whole = np.flatnonzero(texels.cover >= 1.0 - 1e-6)
     whole = whole[tracer.trace(texels, whole).valid >= 1.0 - 1e-6]
     return texels.index[whole], np.isin(whole, texels.whole.patch), len(texels)

@@ -23,13 +23,14 @@ from .lightmap_settings import LightmapSettings
 from .lit_faces import LitFaces, light_up_faces
 from .monitor import Monitor
 from .obscurance_lightmap import Lightmap, TexelObscurances, channels_as_grey, open_value
+from .patch_samples import BLOCK_RAYS
 from .patches import Patches, Surfaces, join_cells
 from .radiosity import check_size, gather_radiosity
 from .ray_casting import Intersector
 from .scene_building import build_scene
 from .secondary_reflectors import redistribute
 from .settings import BakeSettings
-from .texel_obscurances import TEXEL_BLOCK_RAYS, TexelTracer, TexelValues, texel_triangles
+from .texel_obscurances import TexelTracer, TexelValues, texel_triangles
 from .texel_progress import TexelProgress
 from .texels import Texels
 
@@ -51,7 +52,7 @@ def bake_light_map(
     materials_at: MaterialsAt | None = None,
     monitor: Monitor | None = None,
     intersector: Callable[..., Intersector] = EmbreeIntersector,
-    block_rays: int = TEXEL_BLOCK_RAYS,
+    block_rays: int = BLOCK_RAYS,
 ) -> Lightmap:
     """Compute the light that leaves texels, as radiance in W/(m^2 sr).
 

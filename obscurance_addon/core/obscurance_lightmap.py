@@ -22,11 +22,12 @@ from .lightmap import (
 )
 from .lightmap_settings import LightmapSettings
 from .monitor import Monitor
+from .patch_samples import BLOCK_RAYS
 from .patches import Patches, Surfaces
 from .ray_casting import Intersector
 from .scene_building import build_scene
 from .settings import BakeSettings
-from .texel_obscurances import TEXEL_BLOCK_RAYS, TexelTracer, TexelValues
+from .texel_obscurances import TexelTracer, TexelValues
 from .texel_progress import TexelProgress
 from .texels import Texels
 
@@ -85,7 +86,7 @@ def bake_lightmap(
     patch_reflectance: np.ndarray | None = None,
     monitor: Monitor | None = None,
     intersector: Callable[..., Intersector] = EmbreeIntersector,
-    block_rays: int = TEXEL_BLOCK_RAYS,
+    block_rays: int = BLOCK_RAYS,
 ) -> Lightmap:
     """Compute the obscurances of texels among surfaces.
 

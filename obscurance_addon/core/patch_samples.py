@@ -16,7 +16,7 @@ from .settings import BakeSettings, Sampler
 from .sobol import hash32
 from .workers import workers
 
-BLOCK_RAYS = 32768  # per task: smaller ones pay Python's overhead, larger ones gain nothing and use more memory
+BLOCK_RAYS = 65536  # per task: smaller ones pay more of Python's overhead, larger ones use more memory
 TABLE_ROWS = 1024  # samples of a sequence held at a time, so that memory does not grow with their number
 
 

@@ -13,8 +13,6 @@ from .settings import BakeSettings
 from .texels import Texels
 from .traced_scene import TracedScene
 
-TEXEL_BLOCK_RAYS = 65536  # per task: rays of texels are short, so that Python's overhead for each task weighs more
-
 
 @dataclass(frozen=True)
 class TexelValues:

@@ -27,9 +27,10 @@ from obscurance_addon.blender.scene_geometry import snapshot_scene
 from obscurance_addon.core.embree import EmbreeIntersector
 from obscurance_addon.core.lightmap_settings import LightmapSettings, UvMode
 from obscurance_addon.core.obscurance_lightmap import bake_lightmap
-from obscurance_addon.core.patch_samples import BLOCK_RAYS, TexelTracer
+from obscurance_addon.core.patch_samples import BLOCK_RAYS
 from obscurance_addon.core.scene_building import build_scene
 from obscurance_addon.core.settings import BakeSettings
+from obscurance_addon.core.texel_obscurances import TexelTracer
 from obscurance_addon.core.texels import covered_texels
 
 SOLIDS, MANY_SOLIDS = 9, 300

@@ -38,8 +38,7 @@ DISTANCE = 2.0  # metres; the solids stand 3 m apart
 UNWRAP_SIZE, MANY_SIZE = 1024, 2048  # 300 solids are thousands of charts
 UV_MAP = "Obscurance"
 
-TRACE_SIZE = 512
-TRACED = ((64, True), (64, False), (16, True))  # rays a texel, with bleeding
+TRACED = ((512, 64, True), (512, 64, False), (512, 16, True), (1024, 64, True))  # page, rays a texel, with bleeding
 
 # Page size: samples of Cycles, rays of ours, and rays of each of the two references. All together take a quarter of an
 # hour.
@@ -60,7 +59,7 @@ def run(repeats: int) -> dict:
     unwrapped = [_unwrapped(SOLIDS, UNWRAP_SIZE), _unwrapped(MANY_SOLIDS, MANY_SIZE)]
     objects = _scene(SOLIDS)
     _unwrap(objects)
-    traced = [_trace_rate(objects, rays, bleeding, repeats) for rays, bleeding in TRACED]
+    traced = [_trace_rate(objects, *how, repeats) for how in TRACED]
     compared = [_Comparison(objects, size).measure(*counts) for size, counts in COMPARED.items()]
     return {"trace": traced, "compared": compared, "unwrapped": unwrapped}
 
@@ -124,9 +123,9 @@ def _unwrapped(solids: int, size: int) -> dict:
     return {"objects": len(objects), "faces": faces, "size": size, "use": report.lightmap.use, "phases": report.seconds}
 
 
-def _trace_rate(objects: list[bpy.types.Object], rays: int, use_bleeding: bool, repeats: int) -> dict:
+def _trace_rate(objects: list[bpy.types.Object], size: int, rays: int, use_bleeding: bool, repeats: int) -> dict:
     """The trace phase of a plain bake, and bare embreex on the rays of that phase."""
-    settings, lightmap = BakeSettings(rays=rays, use_bleeding=use_bleeding), _kept(TRACE_SIZE, adaptive=False)
+    settings, lightmap = BakeSettings(rays=rays, use_bleeding=use_bleeding), _kept(size, adaptive=False)
     arrays, layout = _read(objects, lightmap)
     arguments = (arrays.surfaces, arrays.patches, layout, settings, lightmap)
     tracers, recorders = [], []
@@ -147,7 +146,7 @@ def _trace_rate(objects: list[bpy.types.Object], rays: int, use_bleeding: bool, 
     ours, theirs, finding = [], [], []
     for _ in range(repeats):
         began = time.perf_counter()
-        texels = covered_texels(layout.triangles(TRACE_SIZE, normalisation), TRACE_SIZE, 0, (0, TRACE_SIZE))
+        texels = covered_texels(layout.triangles(size, normalisation), size, 0, (0, size))
         finding.append(time.perf_counter() - began)
         ours.append(bake_lightmap(*arguments).seconds["trace"])
         began = time.perf_counter()
@@ -156,7 +155,7 @@ def _trace_rate(objects: list[bpy.types.Object], rays: int, use_bleeding: bool, 
                 pass
         theirs.append(time.perf_counter() - began)
     return {
-        "size": TRACE_SIZE,
+        "size": size,
         "texels": len(texels),
         "rays_per_texel": rays,
         "bleeding": use_bleeding,

@@ -37,6 +37,8 @@ def _trace(entries: list[dict]) -> str:
         kind = "colour" if r["bleeding"] else "grey"
         rows.append(
             [
+                str(r["size"]),
+                f"{r['texels']:,}",
                 f"{kind}, {r['rays_per_texel']}",
                 f"{r['rays']:,}",
                 *(f"{rate:.2f}" for rate in rates),
@@ -44,16 +46,16 @@ def _trace(entries: list[dict]) -> str:
                 *(f"{statistics.median(r[key]):.2f}" for key in ("seconds", "seconds_bare", "seconds_finding")),
             ]
         )
-    r = entries[0]
     return (
-        f"### Tracing and weighing texels, beside bare embreex\n\n{r['texels']:,} covered texels of a page of "
-        f"{r['size']}, solids on a floor, plain (not adaptive), automatic distance, square root. Ours is the whole "
-        "trace phase of a bake: finding and cutting the texels that triangles cover, making rays, tracing, telling "
+        "### Tracing and weighing texels, beside bare embreex\n\nSolids on a floor, plain (not adaptive), automatic "
+        "distance, square root. Ours is the whole trace phase of a bake: finding and cutting the texels that triangles cover, making rays, tracing, telling "
         "what starts inside of solids, weighing, the rays of the error estimate, and storing on the page; neither "
         "margins nor the image. Bare embreex answers the very same rays in the same blocks on as many threads, and "
         "throws the answers away.\n\n"
         + markdown_table(
             [
+                "page",
+                "covered texels",
                 "rays a texel",
                 "rays",
                 "Mrays/s",

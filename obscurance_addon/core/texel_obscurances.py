@@ -84,10 +84,9 @@ class TexelTracer:
 
     def _joined(self, whole: ObscuranceSums, parts: ObscuranceSums) -> TexelValues:
         hit, miss, valid = whole.hit + parts.hit, whole.miss + parts.miss, whole.valid + parts.valid
-        values = np.empty((len(valid), 4))
-        values[:, :3] = np.where(self.as_grey, hit[:, 3:], hit[:, :3])
-        values[:, 3] = miss
-        values /= np.where(valid > 0.0, valid, np.inf)[:, None]
+        share = np.where(valid > 0.0, valid, np.inf)
+        columns = [hit[:, 3 if is_grey else channel] for channel, is_grey in enumerate(self.as_grey)]
+        values = np.stack([column / share for column in (*columns, miss)], -1)
         found = TexelValues(values, valid, whole.rays + parts.rays, len(valid))
         if whole.nearness is None:
             return found

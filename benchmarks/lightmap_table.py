@@ -48,10 +48,10 @@ def _trace(entries: list[dict]) -> str:
         )
     return (
         "### Tracing and weighing texels, beside bare embreex\n\nSolids on a floor, plain (not adaptive), automatic "
-        "distance, square root. Ours is the whole trace phase of a bake: finding and cutting the texels that triangles cover, making rays, tracing, telling "
-        "what starts inside of solids, weighing, the rays of the error estimate, and storing on the page; neither "
-        "margins nor the image. Bare embreex answers the very same rays in the same blocks on as many threads, and "
-        "throws the answers away.\n\n"
+        "distance, square root. Ours is the whole trace phase of a bake: finding and cutting the texels that triangles "
+        "cover, making rays, tracing, telling what starts inside of solids, weighing, the rays of the error estimate, "
+        "and storing on the page; neither margins nor the image. Bare embreex answers the very same rays in the same "
+        "blocks on as many threads, and throws the answers away.\n\n"
         + markdown_table(
             [
                 "page",

@@ -12,14 +12,7 @@ from .adaptive_texels import AdaptiveTexels
 from .ambient import AmbientLight, mean_reflectance
 from .bake import precision_warnings
 from .embree import EmbreeIntersector
-from .lightmap import (
-    AtlasLayout,
-    TexelCounts,
-    bands_at_once,
-    estimate_pages,
-    finish_pages,
-    texel_settings,
-)
+from .lightmap import AtlasLayout, TexelCounts, bands_at_once, estimate_pages, finish_pages, texel_settings
 from .lightmap_settings import LightmapSettings
 from .monitor import Monitor
 from .patch_samples import BLOCK_RAYS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -119,36 +119,32 @@ class PatchSamples:
 
     def origins(self, cells: np.ndarray, samples: np.ndarray) -> np.ndarray:
         """Where the rays of samples (k, m, n) of cells (m,) start, (m n, 3) float32, one coordinate after the other."""
-        edge1, edge2, corner = self._frames(cells, slice(0, 3))
-        out = self.scratch.array("origins", (3, *samples.shape[1:]))
-        for axis, (coordinate, more) in enumerate(self._terms(out)):
-            np.multiply(samples[0], edge1[axis], out=coordinate)
-            coordinate += np.multiply(samples[1], edge2[axis], out=more)
-            coordinate += corner[axis]
+        *edges, corner = self._frames(cells)[:, :3]
+        out = self._combined("origins", samples[:2], edges)
+        out += corner
         return out.reshape(3, -1).T
 
     def directions(self, cells: np.ndarray, samples: np.ndarray) -> np.ndarray:
         """Where the rays of samples (5, m, n) of cells (m,) go, (m n, 3) float32 unit vectors, as `origins`."""
-        tangent, bitangent, normal = self._frames(cells, slice(3, 6))
-        out = self.scratch.array("directions", (3, *samples.shape[1:]))
-        for axis, (coordinate, more) in enumerate(self._terms(out)):
-            np.multiply(samples[2], tangent[axis], out=coordinate)
-            coordinate += np.multiply(samples[3], bitangent[axis], out=more)
-            coordinate += np.multiply(samples[4], normal[axis], out=more)
-        return out.reshape(3, -1).T
+        return self._combined("directions", samples[2:], self._frames(cells)[:, 3:]).reshape(3, -1).T
 
-    def _frames(self, cells: np.ndarray, part: slice) -> np.ndarray:
-        """Three vectors of each cell (m,), (3, 3, m, 1): row, coordinate, cell."""
-        frames = np.take(self.cells.frames.reshape(-1, 18), cells, axis=0).reshape(-1, 3, 6)
-        return frames[..., part].transpose(1, 2, 0)[..., None]
+    def _frames(self, cells: np.ndarray) -> np.ndarray:
+        """The frames of cells (m,) as (3, 6, m, 1): row, column, cell."""
+        frames = np.take(self.cells.frames.reshape(-1, 18), cells, axis=0)
+        return frames.reshape(-1, 3, 6).transpose(1, 2, 0)[..., None]
 
-    def _terms(self, out: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """The coordinates of `out` (3, m, n) one by one, and an array (m, n) for what is added to each.
+    def _combined(self, name: str, weights: np.ndarray, vectors: Sequence[np.ndarray]) -> np.ndarray:
+        """Sums of vectors (3, m, 1) each, times weights (k, m, n), (3, m, n).
 
-        Products of whole columns: those of small matrices cost numpy several times as much.
+        By products of whole arrays: those of small matrices cost numpy more.
         """
-        more = self.scratch.array("more", out.shape[1:])
-        return ((coordinate, more) for coordinate in out)
+        out = self.scratch.array(name, (3, *weights.shape[1:]))
+        product = self.scratch.array("product", weights.shape[1:])
+        for axis, coordinate in enumerate(out):
+            np.multiply(weights[0], vectors[0][axis], out=coordinate)
+            for weight, vector in zip(weights[1:], vectors[1:], strict=True):
+                coordinate += np.multiply(weight, vector[axis], out=product)
+        return out
 
     def _table(self, sets: np.ndarray, first: int, count: int, columns: tuple[str, ...]) -> np.ndarray:
         rest = (first, count, columns, not self.cells.are_parallelograms, self._favours_directions)

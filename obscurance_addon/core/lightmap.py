@@ -32,7 +32,7 @@ MOST_OVERLAPS = 1000  # pairs of faces that are told
 # A texel with less outside of solids takes its value from its neighbours: where solids run into each other, rays that
 # start inside of one may meet the outside of the other, which only shows by the many rays beside them that do not.
 MIN_EXPOSED = 0.5
-_BAND_TEXELS = 1 << 18  # at least, so that a band keeps all threads busy
+_BAND_TEXELS = 1 << 18  # at least, if a page has so many: what Python does for each band is then little
 _BAND_ROWS = 64  # at least, a multiple of the coarsest stride of sparse texels
 _LEAST_BANDS = 4  # of a page, if it has so many rows
 _MOST_BANDS_AT_ONCE = 4  # each takes memory

@@ -11,11 +11,11 @@ import bpy
 import numpy as np
 from scenes import SAMPLES, empty_scene, select_only
 
-from obscurance_addon.blender.bake_job import TRACERS
-from obscurance_addon.blender.live_preview import PREVIEW
-from obscurance_addon.core.bake import bake_obscurances
-from obscurance_addon.core.influence import IncrementalBake
-from obscurance_addon.core.scene_objects import join_objects
+from obscurance_addon.blender.animation.live_preview import PREVIEW
+from obscurance_addon.blender.jobs.job import TRACERS
+from obscurance_addon.core.obscurance.bake import bake_obscurances
+from obscurance_addon.core.scene.objects import join_objects
+from obscurance_addon.core.updates.incremental import IncrementalBake
 
 TABLE_SCENES = ("room_1423", "room_4016", "infinite_5508", "infinite_13824")
 TABLE_RAYS = (60, 80, 100)

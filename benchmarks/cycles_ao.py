@@ -13,8 +13,8 @@ import bpy
 import numpy as np
 from scenes import empty_scene, many_objects, select_only, suzanne_over_plane
 
-from obscurance_addon.blender.bake_job import BakeJob
-from obscurance_addon.blender.output_settings import OutputSettings
+from obscurance_addon.blender.jobs.job import BakeJob
+from obscurance_addon.core.order.output import OutputSettings
 from obscurance_addon.core.settings import BakeSettings
 
 SAMPLES = 64

@@ -25,8 +25,8 @@ sys.path.insert(0, str(ROOT))
 from light_scene import LightScene  # noqa: E402
 from scenes import open_sample  # noqa: E402
 
-from obscurance_addon.blender.patch_parts import corner_fans  # noqa: E402
-from obscurance_addon.core.corner_cells import face_of_corner  # noqa: E402
+from obscurance_addon.core.order.patch_parts import corner_fans  # noqa: E402
+from obscurance_addon.core.scene.corners import face_of_corner  # noqa: E402
 
 RAYS = 256
 REFERENCE_RAYS = 2048

@@ -11,12 +11,12 @@ import numpy as np
 from light_scene import RAYS, LightScene
 from scenes import light_to_all_sides, open_sample, yard
 
-from obscurance_addon.blender.bake_job import BakeJob
-from obscurance_addon.blender.output_settings import OutputSettings
-from obscurance_addon.blender.render_visibility import rendered_meshes
-from obscurance_addon.core.error_metrics import energy_ratio, relative_rmse, shape_error
-from obscurance_addon.core.light_records import BakedLight
-from obscurance_addon.core.light_settings import LightSettings
+from obscurance_addon.blender.jobs.job import BakeJob
+from obscurance_addon.blender.reading.visibility import rendered_meshes
+from obscurance_addon.core.light.records import BakedLight
+from obscurance_addon.core.light.settings import LightSettings
+from obscurance_addon.core.obscurance.error_metrics import energy_ratio, relative_rmse, shape_error
+from obscurance_addon.core.order.output import OutputSettings
 from obscurance_addon.core.settings import BakeSettings
 
 REFERENCE_RAYS = 4096

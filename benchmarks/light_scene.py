@@ -5,18 +5,19 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from obscurance_addon.blender.bake_arrays import BakeArrays, prepare_arrays
-from obscurance_addon.blender.output_settings import Target
-from obscurance_addon.blender.render_visibility import rendered_meshes
-from obscurance_addon.blender.scene_geometry import SceneSnapshot, snapshot_scene
-from obscurance_addon.core.direct_light import LitScene
-from obscurance_addon.core.light_bake import bake_light
-from obscurance_addon.core.light_records import BakedLight
-from obscurance_addon.core.light_settings import LightSettings
-from obscurance_addon.core.patches import triangle_areas
-from obscurance_addon.core.radiosity import shoot_random_walks
-from obscurance_addon.core.scene_building import build_scene
+from obscurance_addon.blender.reading.scene import snapshot_scene
+from obscurance_addon.blender.reading.visibility import rendered_meshes
+from obscurance_addon.core.light.bake import bake_light
+from obscurance_addon.core.light.direct import LitScene
+from obscurance_addon.core.light.radiosity import shoot_random_walks
+from obscurance_addon.core.light.records import BakedLight
+from obscurance_addon.core.light.settings import LightSettings
+from obscurance_addon.core.order.arrays import BakeArrays, prepare_arrays
+from obscurance_addon.core.order.output import Target
+from obscurance_addon.core.order.snapshot import SceneSnapshot
+from obscurance_addon.core.scene.patches import triangle_areas
 from obscurance_addon.core.settings import BakeSettings
+from obscurance_addon.core.tracing.build import build_scene
 
 RAYS = 64
 

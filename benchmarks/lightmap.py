@@ -18,20 +18,20 @@ import numpy as np
 from scenes import empty_scene, select_only, solids_on_floor
 from trace_rate import _Recorder
 
-from obscurance_addon.blender.atlas_layout import lay_out
-from obscurance_addon.blender.bake_arrays import prepare_arrays
-from obscurance_addon.blender.bake_job import TRACERS, BakeJob
-from obscurance_addon.blender.bake_report import BakeReport
-from obscurance_addon.blender.output_settings import ImageFormat, OutputSettings, Target
-from obscurance_addon.blender.scene_geometry import snapshot_scene
-from obscurance_addon.core.embree import EmbreeIntersector
-from obscurance_addon.core.lightmap_settings import LightmapSettings, UvMode
-from obscurance_addon.core.obscurance_lightmap import bake_lightmap
-from obscurance_addon.core.patch_samples import BLOCK_RAYS
-from obscurance_addon.core.scene_building import build_scene
+from obscurance_addon.blender.jobs.job import TRACERS, BakeJob
+from obscurance_addon.blender.jobs.report import BakeReport
+from obscurance_addon.blender.reading.scene import snapshot_scene
+from obscurance_addon.core.lightmap.bake import bake_lightmap
+from obscurance_addon.core.lightmap.obscurances import TexelTracer
+from obscurance_addon.core.lightmap.settings import LightmapSettings, UvMode
+from obscurance_addon.core.lightmap.texels import covered_texels
+from obscurance_addon.core.order.arrays import prepare_arrays
+from obscurance_addon.core.order.atlas_layout import lay_out
+from obscurance_addon.core.order.output import ImageFormat, OutputSettings, Target
 from obscurance_addon.core.settings import BakeSettings
-from obscurance_addon.core.texel_obscurances import TexelTracer
-from obscurance_addon.core.texels import covered_texels
+from obscurance_addon.core.tracing.build import build_scene
+from obscurance_addon.core.tracing.embree import EmbreeIntersector
+from obscurance_addon.core.tracing.samples import BLOCK_RAYS
 
 SOLIDS, MANY_SOLIDS = 9, 300
 DISTANCE = 2.0  # metres; the solids stand 3 m apart

@@ -7,8 +7,8 @@ import resource
 import bpy
 from scenes import TERRAIN_DISTANCE, bumpy_terrain, empty_scene
 
-from obscurance_addon.blender.bake_job import BakeJob
-from obscurance_addon.blender.output_settings import OutputSettings
+from obscurance_addon.blender.jobs.job import BakeJob
+from obscurance_addon.core.order.output import OutputSettings
 from obscurance_addon.core.settings import BakeSettings
 
 

@@ -10,14 +10,14 @@ import bpy
 import numpy as np
 from scenes import empty_scene, suzanne_over_plane
 
-from obscurance_addon.blender.bake_arrays import prepare_arrays
-from obscurance_addon.blender.output_settings import Target
-from obscurance_addon.blender.scene_geometry import snapshot_scene
-from obscurance_addon.core.embree import EmbreeIntersector
-from obscurance_addon.core.obscurance import gather_obscurances
-from obscurance_addon.core.ray_casting import Hits
-from obscurance_addon.core.scene_building import build_scene
+from obscurance_addon.blender.reading.scene import snapshot_scene
+from obscurance_addon.core.obscurance.estimator import gather_obscurances
+from obscurance_addon.core.order.arrays import prepare_arrays
+from obscurance_addon.core.order.output import Target
 from obscurance_addon.core.settings import BakeSettings
+from obscurance_addon.core.tracing.build import build_scene
+from obscurance_addon.core.tracing.embree import EmbreeIntersector
+from obscurance_addon.core.tracing.intersector import Hits
 
 
 class _Recorder:

@@ -7,12 +7,12 @@ import time
 import bpy
 from scenes import empty_scene, suzanne_over_plane
 
-from obscurance_addon.blender.bake_arrays import prepare_arrays
-from obscurance_addon.blender.bake_job import BakeJob
-from obscurance_addon.blender.output_settings import OutputSettings, Target
-from obscurance_addon.blender.scene_geometry import snapshot_scene
-from obscurance_addon.core.embree import fill_scene
+from obscurance_addon.blender.jobs.job import BakeJob
+from obscurance_addon.blender.reading.scene import snapshot_scene
+from obscurance_addon.core.order.arrays import prepare_arrays
+from obscurance_addon.core.order.output import OutputSettings, Target
 from obscurance_addon.core.settings import BakeSettings
+from obscurance_addon.core.tracing.embree import fill_scene
 
 
 def run(repeats: int) -> list[dict]:

@@ -9,7 +9,9 @@ _cli_command = None
 
 
 def _parts():
-    from .blender import baked_record, handlers, properties
+    from .blender.animation import handlers
+    from .blender.properties import scene_settings as properties
+    from .blender.writing import records as baked_record
     from .ui import material_operators, operators, panels, preferences, presets, result_operators
 
     operator_parts = operators, result_operators, material_operators

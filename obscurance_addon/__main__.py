@@ -6,7 +6,7 @@ import traceback
 
 
 def _run() -> int:
-    from .arguments import parse
+    from .command_line import parse
 
     arguments = sys.argv[1:]
     parse(arguments)  # help and wrong usage answer at once, without loading Blender
@@ -15,7 +15,8 @@ def _run() -> int:
     except ImportError as error:
         print(f"obscurance: the bpy module does not load ({error}): pip install bpy==4.5.15", file=sys.stderr)
         return 1
-    from . import batch, register
+    from . import register
+    from .command_line import batch
 
     register()
     return batch.main(arguments)

@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 import obscurance_addon  # noqa: E402
-from obscurance_addon import batch  # noqa: E402
+from obscurance_addon.command_line import batch  # noqa: E402
 
 SCENE = ROOT / "sample_blends" / "cornell_box.blend"
 RAYS = 256

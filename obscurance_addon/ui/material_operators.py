@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from ..blender.ambient_nodes import add_ambient, remove_ambient
-from ..blender.object_mode import ObjectModeGuard
+from ..blender.display import add_ambient, remove_ambient
+from ..blender.reading import ObjectModeGuard
 from ..core.errors import ObscuranceError
 from .operators import OnBakedMeshes, sentence
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from ..blender.bake_job import BakeJob, BakeReport
-from ..blender.object_mode import ObjectModeGuard
+from ..blender.jobs import BakeJob, BakeReport
 from ..blender.properties import property_again
-from ..blender.scene_reader import SOLID_TYPES
+from ..blender.reading import SOLID_TYPES, ObjectModeGuard
 from ..core.errors import ObscuranceError
 from ..core.native_library import why_missing
 

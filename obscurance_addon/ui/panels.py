@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from ..blender.ambient_nodes import shows_ambient
-from ..blender.baked_record import INDIRECT, indirect_exposure, what_is_stored
-from ..blender.live_preview import PREVIEW
-from ..blender.viewport_shading import shows_result
+from ..blender.animation import PREVIEW
+from ..blender.display import shows_ambient, shows_result
+from ..blender.writing import INDIRECT, indirect_exposure, what_is_stored
 from ..core.native_library import why_missing
 from .material_operators import OBSCURANCE_OT_apply_in_materials
 from .operators import OBSCURANCE_OT_bake, sentence

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import bpy
 
-from ..blender.export_copy import LAYERS, ExportFormat, copy_for_export
-from ..blender.object_mode import ObjectModeGuard
-from ..blender.output_settings import OutputSettings, Target
-from ..blender.viewport_shading import activate_result, hide_result, lightmaps_are_shown, show_result, shows_result
+from ..blender.display import activate_result, hide_result, lightmaps_are_shown, show_result, shows_result
+from ..blender.reading import ObjectModeGuard
+from ..blender.writing import LAYERS, ExportFormat, copy_for_export
 from ..core.errors import ObscuranceError
+from ..core.order import OutputSettings, Target
 from .operators import OnBakedMeshes, sentence
 
 _FORMATS = (

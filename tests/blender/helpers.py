@@ -8,11 +8,12 @@ from collections.abc import Callable, Iterable, Sequence
 import bpy
 import numpy as np
 
-from obscurance_addon.blender.bake_arrays import BakeArrays, prepare_arrays
-from obscurance_addon.blender.bake_job import BakeJob, BakeReport
-from obscurance_addon.blender.output_settings import OutputSettings, Target
-from obscurance_addon.blender.scene_geometry import SceneSnapshot, snapshot_scene
-from obscurance_addon.core.light_settings import LightSettings
+from obscurance_addon.blender.jobs.job import BakeJob, BakeReport
+from obscurance_addon.blender.reading.scene import snapshot_scene
+from obscurance_addon.core.light.settings import LightSettings
+from obscurance_addon.core.order.arrays import BakeArrays, prepare_arrays
+from obscurance_addon.core.order.output import OutputSettings, Target
+from obscurance_addon.core.order.snapshot import SceneSnapshot
 from obscurance_addon.core.settings import BakeSettings
 
 FACE_LAYER, CORNER_LAYER = "Obscurance", "Obscurance Color"

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from obscurance_addon.core.settings import BakeSettings
-
-from .scenes import Scene
+from tests.core.scenes import Scene
 
 SEEDS = 16
 SIGMAS = 5.0  # of Student's t with 15 degrees of freedom: a correct code exceeds it once in 6,000 comparisons

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from obscurance_addon.core.bake import Obscurances, bake_obscurances
-from obscurance_addon.core.light_bake import bake_light
-from obscurance_addon.core.light_records import BakedLight, LightSources, PatchMaterials
-from obscurance_addon.core.light_settings import LightSettings
+from obscurance_addon.core.light.bake import bake_light
+from obscurance_addon.core.light.records import BakedLight, LightSources, PatchMaterials
+from obscurance_addon.core.light.settings import LightSettings
 from obscurance_addon.core.monitor import Monitor
-from obscurance_addon.core.patches import Patches, Surfaces
-from obscurance_addon.core.ray_casting import BruteForceIntersector
+from obscurance_addon.core.obscurance.bake import Obscurances, bake_obscurances
+from obscurance_addon.core.scene.patches import Patches, Surfaces
+from obscurance_addon.core.scene.solids import solid_triangles
 from obscurance_addon.core.settings import BakeSettings
-from obscurance_addon.core.solids import solid_triangles
+from obscurance_addon.core.tracing.intersector import BruteForceIntersector
 
 GREY = (0.5, 0.5, 0.5)
 

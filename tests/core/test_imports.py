@@ -31,9 +31,9 @@ def test_module_imports_without_blender_and_native_libraries(module):
 
 
 def test_a_missing_ray_tracer_is_named(monkeypatch):
-    from obscurance_addon.core.embree import EmbreeIntersector
     from obscurance_addon.core.errors import BackendError
     from obscurance_addon.core.native_library import why_missing
+    from obscurance_addon.core.tracing.embree import EmbreeIntersector
 
     monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
     why_missing.cache_clear()

@@ -13,7 +13,7 @@ ROOM = "room_4016.blend"
 
 
 def _preview():
-    name = next(name for name in sys.modules if name.endswith("obscurance_addon.blender.live_preview"))
+    name = next(name for name in sys.modules if name.endswith("obscurance_addon.blender.animation.live_preview"))
     return importlib.import_module(name).PREVIEW
 
 
@@ -102,7 +102,7 @@ def light_is_followed_without_end(window):
     before = _colors("Room").copy()
     bpy.data.objects["Lamp"].data.energy *= 2.0
     yield from window.until(lambda: not np.array_equal(_colors("Room"), before), "the lamp to be followed")
-    jobs = next(m for name, m in sys.modules.items() if name.endswith("obscurance_addon.blender.bake_job"))
+    jobs = next(m for name, m in sys.modules.items() if name.endswith("obscurance_addon.blender.jobs.job"))
     yield 2.0
     count = jobs.commit_count()
     yield 3.0

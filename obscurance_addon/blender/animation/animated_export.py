@@ -1,0 +1,121 @@
+"""Writes a scene with the colours of every frame of a cache to USD or Alembic.
+
+Blender's exporters take colours anew at every frame only from meshes that deform, and they run frame change handlers.
+So a wave without height is put on each mesh for the time of the export, and a handler writes the values of each frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+
+from ...core.errors import ObscuranceError
+from ..writing import LAYERS, ExportFormat, ExportLayer, color_attribute, copy_for_export
+from .frame_cache import FrameCache
+from .frame_range import at_every_frame
+
+FORMATS = {
+    ".usd": ExportFormat.USD,
+    ".usda": ExportFormat.USD,
+    ".usdc": ExportFormat.USD,
+    ".abc": ExportFormat.ALEMBIC,
+}
+
+
+def export_animation(context: bpy.types.Context, cache: FrameCache, path: Path) -> None:
+    """Write the visible scene over the frames of a cache, with its colours where programs look for them.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    cache : FrameCache
+    path : Path
+        Its name ends in one of `FORMATS`; a file that is there is replaced.
+
+    Raises
+    ------
+    ObscuranceError
+        When the format is unknown or Blender cannot write it.
+    """
+    kind = check_format(path)
+    objects = [context.view_layer.objects[name] for name in cache.names if name in context.view_layer.objects]
+    scene = context.scene
+    current, start, end = scene.frame_current, scene.frame_start, scene.frame_end
+
+    errors: list[ObscuranceError] = []  # Blender prints what a handler raises, and goes on
+    if kind is ExportFormat.USD and cache.frames[0] < 0:
+        raise ObscuranceError("Blender cannot export frames before 0 to USD: move the animation, or write Alembic")
+
+    def write_frame(at: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph) -> None:
+        try:
+            if cache.has(at.frame_current):
+                cache.show(at.frame_current)
+                copy_for_export(objects, cache.output, kind)
+        except ObscuranceError as error:
+            errors.append(error)
+
+    with _only_for_now(objects, LAYERS[kind]), _seeming_to_deform(objects), at_every_frame(write_frame):
+        try:
+            scene.frame_start, scene.frame_end = cache.frames
+            scene.frame_set(cache.frames[0])  # the layers must be there before the exporter looks
+            if kind is ExportFormat.USD:
+                bpy.ops.wm.usd_export(filepath=str(path), export_animation=True, export_mesh_colors=True)
+            else:
+                first, last = cache.frames
+                bpy.ops.wm.alembic_export(
+                    filepath=str(path), start=first, end=last, vcolors=True, as_background_job=False
+                )
+        except (AttributeError, RuntimeError) as error:
+            raise ObscuranceError(f"this Blender cannot write '{path.name}': {error}") from None
+        finally:
+            scene.frame_start, scene.frame_end = start, end
+            scene.frame_set(current)
+    if errors:
+        raise errors[0]
+    if not path.is_file():
+        raise ObscuranceError(f"Blender wrote no file '{path}': check the folder")
+
+
+def check_format(path: Path) -> ExportFormat:
+    """The format that the name of a file asks for; raises ObscuranceError for others than `FORMATS`."""
+    kind = FORMATS.get(path.suffix.lower())
+    if kind is None:
+        raise ObscuranceError(f"'{path.name}' names no format with animated colors: use {', '.join(FORMATS)}")
+    return kind
+
+
+@contextmanager
+def _only_for_now(objects: list[bpy.types.Object], layer: ExportLayer) -> Iterator[None]:
+    """Take away afterwards the layers that the export makes; refuse to replace one of the user's."""
+    meshes = {ob.data.session_uid: ob.data for ob in objects}
+    for mesh in meshes.values():
+        if layer.name in mesh.attributes:
+            raise ObscuranceError(
+                f"mesh '{mesh.name}' has an attribute named '{layer.name}', which the export would replace: rename or "
+                "remove it"
+            )
+    try:
+        yield
+    finally:
+        for mesh in meshes.values():
+            if layer.name in mesh.attributes:
+                with color_attribute.choices_kept(mesh):
+                    mesh.attributes.remove(mesh.attributes[layer.name])
+
+
+@contextmanager
+def _seeming_to_deform(objects: list[bpy.types.Object]) -> Iterator[None]:
+    """Give objects a modifier that moves nothing, but counts as animated."""
+    added = []
+    try:
+        for ob in objects:
+            wave = ob.modifiers.new("Obscurance Export", "WAVE")
+            wave.height = 0.0
+            added.append((ob, wave.name))
+        yield
+    finally:
+        for ob, name in added:
+            ob.modifiers.remove(ob.modifiers[name])

@@ -1,0 +1,310 @@
+"""Live Preview: keeps what is baked equal to the scene while it plays, is scrubbed, edited or rendered.
+
+In a window the first bake runs in a thread of its own and edits are followed once they settle; in the background and in
+renders, where there are no timers, everything happens within the frame change. Nothing of Blender's is kept but names
+and session uids, so that undo, deletion and loading cannot leave a reference behind.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+
+import bpy
+
+from ...core.errors import ObscuranceError
+from ...core.light import LightSettings
+from ...core.order import OutputSettings, Target
+from ...core.settings import BakeSettings
+from ...core.updates import UpdateMode
+from ..jobs import commit_count, is_baking
+from ..stored_preferences import ADDON
+from . import status_line
+from .cache_playback import CachePlayback
+from .first_bake import FirstBake
+from .followed_objects import preview_objects
+from .frame_update import FrameReport, FrameUpdater
+from .full_update import FullUpdater
+
+_SETTLED_S = 0.15  # without a change before an edit is followed
+_POLL_S = 0.05
+_BUSY_S = 0.5  # until the next look while something else works on the scene
+
+_log = logging.getLogger(__name__)
+
+
+class LivePreview:
+    """Follows one scene.
+
+    Attributes
+    ----------
+    status : str
+        What the last update did, or why there was none.
+    """
+
+    def __init__(self) -> None:
+        self.status = ""
+        self._forget()
+
+    def _forget(self) -> None:
+        self._updater: FrameUpdater | FullUpdater | None = None
+        self._asked: tuple | None = None  # what the updater was made for
+        self._starting: FirstBake | None = None
+        self._playback = CachePlayback(self._tell_once)
+        self._seen: tuple[int, int] | None = None
+        self._followed: set[int] = set()
+        self._rewrite = False
+        self._commits = commit_count()
+        self._busy = False
+        self._told: set[str] = set()
+        self._changed_at = 0.0
+
+    def stop(self) -> None:
+        """Let go of everything; the values stay as they are."""
+        if self._starting is not None:
+            self._starting.cancel()
+        self._forget()
+        self.status = ""
+        status_line.clear()
+        for function in (_settle, _poll):
+            if bpy.app.timers.is_registered(function):
+                bpy.app.timers.unregister(function)
+
+    def distrust(self) -> None:
+        """After undo and redo: read everything again, and write all values."""
+        self._rewrite = True
+        self._playback.forget_shown()
+        self._distrust_updater()
+
+    def _distrust_updater(self) -> None:
+        if self._updater is not None:
+            self._updater.distrust()
+
+    def on_frame(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        """A frame was set; the only place from where values are written within a frame."""
+        self._distrust_while_baking()
+        if not self._follows(scene) or (depsgraph.mode == "RENDER" and scene.frame_subframe != 0.0):
+            return
+        if self._updater is not None and depsgraph.mode == "VIEWPORT":
+            self._updater.note(depsgraph)
+        if _in_edit_mode():  # where a mesh can neither be read nor written
+            self.status = "Waiting for Edit Mode to end"
+            if depsgraph.mode == "RENDER":
+                self._tell_once("frames that render while a mesh is in Edit Mode keep the values that they had")
+            return
+        if status_line.has_window() and self._updater is None and not self._playback.has(scene):
+            self.on_change(scene, None)
+            return
+        self._bring_up_to_date(scene, depsgraph)
+
+    def on_change(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None) -> None:
+        """Something changed outside of a frame change: follow it once it settles."""
+        self._distrust_while_baking()
+        if not scene.obscurance.live_preview or self._busy or scene != bpy.context.scene:
+            return
+        if depsgraph is not None and self._updater is not None:
+            self._updater.note(depsgraph)
+        self._changed_at = time.perf_counter()
+        if not bpy.app.background and not bpy.app.timers.is_registered(_settle):
+            bpy.app.timers.register(_settle, first_interval=_SETTLED_S)
+
+    def _distrust_while_baking(self) -> None:
+        """What happens during a bake, which may be cancelled, is looked for afterwards."""
+        if is_baking() and not self._busy:
+            self._distrust_updater()
+
+    def _follows(self, scene: bpy.types.Scene) -> bool:
+        return scene.obscurance.live_preview and not self._busy and not is_baking() and scene == bpy.context.scene
+
+    def settle(self) -> float | None:
+        """Timer: start the preview, or follow an edit, as soon as nothing else goes on."""
+        scene = bpy.context.scene
+        if not scene.obscurance.live_preview:
+            self.stop()
+            return None
+        waited = time.perf_counter() - self._changed_at
+        if waited < _SETTLED_S:
+            return _SETTLED_S - waited
+        if is_baking() or self._starting is not None or bpy.app.is_job_running("RENDER") or _in_edit_mode():
+            return _BUSY_S
+        bpy.context.view_layer.update()  # objects that were deleted are gone from it only then
+        if self._playback.has(scene) or self._is_current(scene):
+            self._bring_up_to_date(scene, bpy.context.evaluated_depsgraph_get())
+        else:
+            self._busy = True
+            try:
+                self._start(scene, in_thread=True)
+            finally:
+                self._busy = False
+                self._commits = commit_count()
+        return None
+
+    def _bring_up_to_date(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        """Make the values those of the scene as it is now, within this call."""
+        self._busy = True
+        try:
+            if self._commits != commit_count():  # by the button, with whatever settings
+                self.distrust()
+            if self._playback.has(scene):
+                self._rewrite = True  # what the updater wrote last is there no more
+                self.status = self._playback.show(scene)
+                return
+            self._playback.forget_shown()
+            # Values belong to the meshes of the viewport, as those of a bake do, which a render leaves where they were.
+            # What other handlers do in a frame is evaluated after all of them, and no update names it.
+            is_render = depsgraph.mode == "RENDER"
+            if is_render or _others_listen():
+                bpy.context.view_layer.update()
+                depsgraph = bpy.context.evaluated_depsgraph_get()
+                if is_render or isinstance(self._updater, FrameUpdater):
+                    self._distrust_updater()
+            if not self._is_current(scene) or self._has_new_objects(scene):
+                self._start(scene, in_thread=False)
+            else:
+                self._tell(self._updater.update(bpy.context, depsgraph, rewrite=self._rewrite))
+            self._rewrite = False
+        except ObscuranceError as error:
+            self._give_up(error)
+        except BaseException:
+            self._forget()  # whatever is known may be half of it
+            raise
+        finally:
+            self._busy = False
+            self._commits = commit_count()
+            status_line.redraw_panels()
+
+    def _start(self, scene: bpy.types.Scene, in_thread: bool) -> None:
+        """The full bake from which everything is followed."""
+        asked = settings, output, light, mode, memory, _where = _asked_of(scene)
+        self._updater, self._asked = None, None
+        if self._starting is not None:
+            self._starting.cancel(wait=False)
+            self._starting = None
+        try:
+            if output.target is Target.LIGHTMAP:
+                raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
+            objects = preview_objects(bpy.context, output.attribute_name)
+            if light.needs_light:
+                updater = FullUpdater(objects, settings, output, light)
+                self._tell_once(f"{updater.update(bpy.context).full}: everything is baked anew at every change")
+            else:
+                updater = FrameUpdater(bpy.context, objects, settings, output, memory * (1 << 20), mode)
+                if in_thread:
+                    self.status = "Baking once..."
+                    self._starting = FirstBake(updater)
+                    self._asked = asked
+                    bpy.app.timers.register(_poll, first_interval=_POLL_S)
+                    return
+                updater.start()
+        except ObscuranceError as error:
+            self._give_up(error)
+            return
+        self._asked = asked
+        self._follow(scene, updater)
+
+    def _follow(self, scene: bpy.types.Scene, updater: FrameUpdater | FullUpdater) -> None:
+        """The first bake is written."""
+        self._updater = updater
+        self._seen = len(bpy.context.view_layer.objects), commit_count()
+        self._followed = updater.wanted | {
+            ob.session_uid for ob in preview_objects(bpy.context, scene.obscurance.attribute_name)
+        }
+        self.status = "Following the scene"
+
+    def poll(self) -> float | None:
+        """Timer: take over the first bake once its thread is done."""
+        start = self._starting
+        if start is None:
+            return None
+        if start.is_alive():
+            self.status = f"Baking once: {start.progress:.0%}"
+            status_line.redraw_panels()
+            return _POLL_S
+        if is_baking() or self._busy or bpy.app.is_job_running("RENDER") or _in_edit_mode():
+            return _BUSY_S
+        self._starting = None
+        try:
+            start.check()
+            start.updater.write()
+        except ObscuranceError as error:
+            self._give_up(error)
+            return None
+        self._follow(bpy.context.scene, start.updater)
+        self.on_change(bpy.context.scene, None)  # what happened meanwhile
+        status_line.redraw_panels()
+        return None
+
+    def _is_current(self, scene: bpy.types.Scene) -> bool:
+        return self._updater is not None and self._asked == _asked_of(scene)
+
+    def _has_new_objects(self, scene: bpy.types.Scene) -> bool:
+        """Whether there are objects to follow that were not there, or not baked, when it began."""
+        seen = len(bpy.context.view_layer.objects), commit_count()
+        if seen == self._seen:
+            return False
+        self._seen = seen
+        followed = _uids_to_follow(scene)
+        has_new = not followed <= self._followed
+        self._followed |= followed
+        return has_new
+
+    def _tell(self, report: FrameReport) -> None:
+        if report.full and isinstance(self._updater, FrameUpdater):
+            self._tell_once(f"{report.full}: everything was baked anew")
+        elif self._updater.cache_is_full:
+            self._tell_once(
+                "the memory for cached hits is used up, so updates take longer; there is Memory in the panel"
+            )
+        self.status = (
+            f"{report.patches:,} of {report.all_patches:,} patches in {1e3 * report.seconds:.1f} ms"
+            if report.patches
+            else "Up to date"
+        )
+
+    def _tell_once(self, text: str) -> None:
+        """Say something in the status line, and never again while this preview runs."""
+        if text in self._told:
+            return
+        self._told.add(text)
+        _log.info("Live Preview: %s", text)
+        status_line.say(f"Live Preview: {text}")
+
+    def _give_up(self, error: ObscuranceError) -> None:
+        """Say why there is no preview; it is tried again at the next change."""
+        self._updater = self._asked = self._starting = None
+        self.status = str(error)
+        self._tell_once(str(error))
+
+
+PREVIEW = LivePreview()
+
+
+def _settle() -> float | None:  # timers tell functions apart by identity, which bound methods do not have
+    return PREVIEW.settle()
+
+
+def _poll() -> float | None:
+    return PREVIEW.poll()
+
+
+def _asked_of(
+    scene: bpy.types.Scene,
+) -> tuple[BakeSettings, OutputSettings, LightSettings, UpdateMode, int, tuple[int, str]]:
+    group = scene.obscurance
+    mode = UpdateMode(group.preview_mode)
+    where = scene.session_uid, bpy.context.view_layer.name
+    return group.to_settings(), group.to_output(), group.to_light(), mode, group.preview_memory, where
+
+
+def _uids_to_follow(scene: bpy.types.Scene) -> set[int]:
+    return {ob.session_uid for ob in preview_objects(bpy.context, scene.obscurance.attribute_name)}
+
+
+def _others_listen() -> bool:
+    """Whether anything but this add-on may change the scene when a frame is set."""
+    handlers = (*bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post)
+    return any(not getattr(handler, "__module__", "").startswith(ADDON) for handler in handlers)
+
+
+def _in_edit_mode() -> bool:
+    return any(mesh.is_editmode for mesh in bpy.data.meshes)

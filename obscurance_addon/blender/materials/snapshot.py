@@ -1,0 +1,55 @@
+"""Diffuse reflectance and emission per face from Blender's materials.
+
+`snapshot_material` reads a node tree on the main thread into a `Shading`, which knows nothing of Blender;
+`shade_faces` turns shadings into values per face in any thread. Nodes are understood as Cycles renders them, as far
+as they say how much light a face scatters diffusely and emits. What depends on the view, the light or the position
+(Fresnel, procedural textures) has no value per face: the socket that it feeds keeps its own value, and a note says so.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ...core.shading import DEFAULT_REFLECTANCE, Constant, Shading
+from .nodes import Input, node_tree_of
+from .textures import ImageCache
+from .tree_reader import TreeReader
+
+NOTE_LIMIT = 6
+
+
+def snapshot_material(
+    material: bpy.types.Material | None, notes: list[str], images: ImageCache | None = None
+) -> Shading:
+    """Read a material into a form that any thread may evaluate. Main thread only.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+        Original or evaluated. None, as of an empty slot, gives Cycles' default grey.
+    notes : list of str
+        Gets at most one line per material, about what could not be read and what was assumed instead.
+    images : ImageCache, optional
+        Share one among all materials of a bake, so that each image is read once.
+
+    Returns
+    -------
+    Shading
+    """
+    if material is None:
+        return Shading(Constant((DEFAULT_REFLECTANCE,)))
+    tree = node_tree_of(material)
+    if tree is None:
+        return Shading(Constant(tuple(material.diffuse_color[:3])))
+    reader = TreeReader(ImageCache() if images is None else images)
+    end = tree.get_output_node("CYCLES")
+    if end is None:
+        shading = Shading()
+        reader.note("there is no Material Output node, taken as black")
+    else:
+        shading = reader.surface_at(Input(end.inputs["Surface"], None))
+    if reader.problems:
+        shown = "; ".join(reader.problems[:NOTE_LIMIT])
+        more = len(reader.problems) - NOTE_LIMIT
+        notes.append(f"Material '{material.name}': {shown}" + (f"; and {more} more" if more > 0 else ""))
+    return shading

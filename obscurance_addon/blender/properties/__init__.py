@@ -1,0 +1,8 @@
+"""Settings that are saved in the .blend (`Scene.obscurance`), and their choices in the interface.
+
+In goes what the user sets. Out come the settings of the core.
+"""
+
+from .scene_settings import ObscuranceSettings, property_again, setting_names
+
+__all__ = ["ObscuranceSettings", "property_again", "setting_names"]

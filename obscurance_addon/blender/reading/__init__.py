@@ -1,0 +1,26 @@
+"""Reads a scene from the evaluated depsgraph; the one step of a bake that needs Blender before its end.
+
+In go a context and the objects to bake. Out comes a snapshot of plain arrays, with notes about what was left out.
+"""
+
+from .meshes import read_face_start, read_mesh, same_faces
+from .object_mode import ObjectModeGuard
+from .objects import SOLID_TYPES, SceneReader, instance_key, materials_of, names_of
+from .origins import keeps_links
+from .scene import snapshot_scene
+from .visibility import rendered_meshes
+
+__all__ = [
+    "SOLID_TYPES",
+    "ObjectModeGuard",
+    "SceneReader",
+    "instance_key",
+    "keeps_links",
+    "materials_of",
+    "names_of",
+    "read_face_start",
+    "read_mesh",
+    "rendered_meshes",
+    "same_faces",
+    "snapshot_scene",
+]

@@ -1,0 +1,194 @@
+"""Reads instances of the evaluated depsgraph one by one into plain arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Sequence
+
+import bpy
+import numpy as np
+
+from ...core.light import LightSources
+from ...core.lightmap import LightmapSettings
+from ...core.order import MeshArrays, ObjectSnapshot
+from ...core.shading import Shading, SurfaceArrays
+from ..materials import ImageCache, node_tree_of, read_surface, snapshot_material
+from .lights import LightReader, read_world
+from .meshes import read_mesh
+from .visibility import rendered_members, rendered_objects
+
+SOLID_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
+
+
+class SceneReader:
+    """Reads instances one by one; meshes, materials and images are read once however often they are used."""
+
+    def __init__(
+        self,
+        context: bpy.types.Context,
+        notes: list[str],
+        baked_layers: Sequence[str],
+        lights: LightReader | None,
+        lightmap: LightmapSettings | None,
+    ) -> None:
+        self.lightmap = lightmap
+        self.baked_layers = baked_layers
+        self._lights = lights
+        self._scene = context.scene
+        self._rendered = rendered_objects(context.view_layer.layer_collection)
+        # The depsgraph also holds objects of collections whose eye is closed, so its word alone is not enough.
+        self._visible = {
+            ob.session_uid for ob in context.view_layer.objects if ob.visible_get(view_layer=context.view_layer)
+        }
+        self.notes = notes
+        self._members: dict[int, set[int]] = {}
+        self._meshes: dict[int, MeshArrays] = {}
+        self._surfaces: dict[tuple, SurfaceArrays] = {}
+        self._materials: dict[int, Shading] = {}
+        self._images = ImageCache()
+        self._hidden: set[str] = set()
+
+    def read(self, instance: bpy.types.DepsgraphObjectInstance) -> ObjectSnapshot | None:
+        """Arrays of one instance, or None when it is not a visible mesh with faces."""
+        ob = instance.object
+        if ob.type == "LIGHT":
+            self._read_light(instance)
+            return None
+        if not self.shows(instance):
+            return None
+        if self._lights is not None:
+            self._lights.note_linking(ob)
+        shadings = [*(self._shading(slot.material) for slot in ob.material_slots), self._shading(None)]
+        key = ob.data.as_pointer()
+        surface_key = (key, *map(id, shadings))
+        if surface_key not in self._surfaces:
+            mesh = ob.to_mesh()  # not ob.data, which lacks the last subdivision where the graphics card makes it
+            if key not in self._meshes:
+                self._meshes[key] = read_mesh(mesh, self.lightmap and self.lightmap.uv_map)
+            else:
+                mesh.calc_loop_triangles()
+            self._surfaces[surface_key] = read_surface(mesh, shadings, self.baked_layers)
+            ob.to_mesh_clear()
+        matrix = np.array(instance.matrix_world, np.float64)
+        surface = self._surfaces[surface_key]
+        return ObjectSnapshot(
+            instance_key(instance),
+            ob.name,
+            self._meshes[key],
+            matrix,
+            shadings,
+            surface,
+            materials_of(ob),
+            ob.original.data.session_uid,
+        )
+
+    def shows(self, instance: bpy.types.DepsgraphObjectInstance) -> bool:
+        """Whether an instance is a mesh with faces that is visible in the viewport and in renders."""
+        ob = instance.object
+        # Curves, texts and metaballs come twice: as themselves, and as the mesh that they evaluate to.
+        if not instance.show_self or not isinstance(ob.data, bpy.types.Mesh) or not len(ob.data.polygons):
+            return False
+        owner = instance.parent if instance.is_instance else ob
+        if not self._renders(ob, owner, instance.is_instance):
+            self._hidden.add(ob.name)
+            return False
+        return owner.original.session_uid in self._visible
+
+    def _read_light(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
+        ob = instance.object
+        owner = instance.parent if instance.is_instance else ob
+        if (
+            self._lights is not None
+            and instance.show_self
+            and self._renders(ob, owner, instance.is_instance)
+            and owner.original.session_uid in self._visible
+        ):
+            self._lights.read(ob, np.array(instance.matrix_world, np.float64))
+
+    def light_sources(self) -> LightSources:
+        """Lights and world, once all instances are read."""
+        if self._lights is None:
+            return LightSources()
+        self._lights.finish(self._scene.frame_current)
+        self._note_volumes()
+        return LightSources(tuple(self._lights.lamps), read_world(self._scene.world, self.notes))
+
+    def _note_volumes(self) -> None:
+        """Name objects that fill space with something, which is not modelled."""
+        volumes = {
+            ob.name
+            for ob in self._scene.collection.all_objects
+            if ob.session_uid in self._visible and (ob.type == "VOLUME" or any(map(_has_volume, ob.material_slots)))
+        }
+        if volumes:
+            self.notes.append(f"volumes are not supported, so these do not dim or scatter light: {names_of(volumes)}")
+
+    def _shading(self, material: bpy.types.Material | None) -> Shading:
+        key = material.as_pointer() if material else 0
+        if key not in self._materials:
+            self._materials[key] = snapshot_material(material, self.notes, self._images)
+        return self._materials[key]
+
+    def _renders(self, ob: bpy.types.Object, owner: bpy.types.Object, is_instance: bool) -> bool:
+        """Whether an object, or its instance by an owner, shows up in renders."""
+        if ob.hide_render or owner.hide_render or owner.original.session_uid not in self._rendered:
+            return False
+        if is_instance:
+            return ob.original.session_uid not in self._hidden_members(owner.original)
+        return not ob.is_instancer or ob.show_instancer_for_render
+
+    def _hidden_members(self, owner: bpy.types.Object) -> set[int]:
+        """Session uids of objects that an instance of a collection shows in the viewport, but not in renders."""
+        collection = owner.instance_collection
+        if owner.instance_type != "COLLECTION" or collection is None:
+            return set()
+        uid = collection.session_uid
+        if uid not in self._members:
+            self._members[uid] = {ob.session_uid for ob in collection.all_objects} - rendered_members(collection)
+        return self._members[uid]
+
+    def note_hidden(self) -> None:
+        """Name what does not count although a user may expect it to."""
+        unseen, dark = set(), set()
+        for ob in self._scene.collection.all_objects:
+            is_light = ob.type == "LIGHT" and self._lights is not None
+            if is_light and not ob.hide_render and ob.session_uid in self._rendered - self._visible:
+                dark.add(ob.name)
+            if ob.type not in SOLID_TYPES:
+                continue
+            if ob.hide_render or ob.session_uid not in self._rendered:
+                self._hidden.add(ob.name)
+            elif ob.session_uid not in self._visible:
+                unseen.add(ob.name)
+        if self._hidden:
+            self.notes.append(f"hidden from renders, so they do not occlude: {names_of(self._hidden)}")
+        if dark:
+            self.notes.append(f"hidden in the viewport, so they do not light although they render: {names_of(dark)}")
+        if unseen:
+            self.notes.append(
+                f"hidden in the viewport, so they do not occlude although they render: {names_of(unseen)}"
+            )
+
+
+def instance_key(instance: bpy.types.DepsgraphObjectInstance) -> Hashable:
+    """What tells an object or instance from all others, from one frame to the next."""
+    uid = instance.object.original.session_uid
+    if not instance.is_instance:
+        return uid
+    return instance.parent.original.session_uid, uid, tuple(instance.persistent_id)
+
+
+def materials_of(ob: bpy.types.Object) -> tuple[int, ...]:
+    """Session uid of the material in each slot, 0 for none."""
+    return tuple(slot.material.original.session_uid if slot.material else 0 for slot in ob.material_slots)
+
+
+def _has_volume(slot: bpy.types.MaterialSlot) -> bool:
+    tree = node_tree_of(slot.material) if slot.material else None
+    end = tree.get_output_node("CYCLES") if tree else None
+    return end is not None and end.inputs["Volume"].is_linked
+
+
+def names_of(names: Iterable[str], most: int = 12) -> str:
+    names = sorted(names)
+    listed = ", ".join(f"'{name}'" for name in names[:most])
+    return listed if len(names) <= most else f"{listed} and {len(names) - most} more"

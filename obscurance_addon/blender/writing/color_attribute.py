@@ -1,0 +1,162 @@
+"""Writes colours into mesh attributes, without touching anything else of the user's.
+
+Facts that this file works around: the first colour attribute made becomes active and default by itself; the active
+attribute is a position in the list of all of them, so that it changes when a layer is added before it; a Python
+reference to an attribute may mean another one after the next is added; `attributes.new` returns None for names it
+cannot use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from ...core.errors import ObscuranceError
+from . import records as baked_record
+
+MAX_NAME_BYTES = 60  # Blender keeps 67, and names of temporary layers add to it
+PENDING = ".baking"  # suffix of a new layer until its values are in
+
+# Blender gives these a meaning of its own; a colour there would destroy what they hold.
+_BUILT_IN = {
+    "position", "material_index", "sharp_edge", "sharp_face", "crease_edge", "crease_vert", "bevel_weight_edge",
+    "bevel_weight_vert", "custom_normal", "freestyle_edge", "freestyle_face", "uv_seam", "velocity", "id", "radius",
+}  # fmt: skip
+
+
+class AttributeNameError(ObscuranceError):
+    """The chosen name cannot hold a colour on some object."""
+
+
+def check_name(ob: bpy.types.Object, name: str) -> None:
+    """Make sure that a colour attribute of this name can be written on an object.
+
+    Raises
+    ------
+    AttributeNameError
+        When the name is empty, too long, reserved, or in use for something that must not be replaced.
+    """
+    check_text(name)
+    own_uv_map = baked_record.is_own_uv_map(ob.data, name)
+    for kind, taken in (("vertex group", ob.vertex_groups), ("UV map", () if own_uv_map else ob.data.uv_layers)):
+        if name in taken:
+            raise AttributeNameError(
+                f"object '{ob.name}' has a {kind} named '{name}', which a bake must not replace: choose another "
+                f"attribute name, or rename the {kind}"
+            )
+
+
+def check_text(name: str) -> None:
+    """Make sure that Blender takes a name for an attribute; raises AttributeNameError."""
+    if not name.strip():
+        raise AttributeNameError("the attribute needs a name: enter one, for example 'Obscurance'")
+    if len(name.encode()) > MAX_NAME_BYTES:
+        excess = len(name.encode()) - MAX_NAME_BYTES
+        raise AttributeNameError(f"the attribute name '{name}' is {excess} bytes too long: choose a shorter one")
+    if name.startswith(".") or name in _BUILT_IN:
+        raise AttributeNameError(f"the attribute name '{name}' is reserved by Blender: choose another one")
+
+
+def prepare(mesh: bpy.types.Mesh, name: str, domain: str, data_type: str = "FLOAT_COLOR") -> str:
+    """Make room for a colour attribute and return the name of the layer to fill, a new one if need be.
+
+    Nothing that exists is changed yet, so that a failure on another mesh can be undone by `discard`.
+
+    Raises
+    ------
+    AttributeNameError
+        When Blender refuses the layer.
+    """
+    if is_color(mesh, name, domain, data_type):
+        return name
+    with choices_kept(mesh):
+        made = mesh.attributes.new(name + PENDING, data_type, domain)
+        if made is None:
+            raise AttributeNameError(f"mesh '{mesh.name}' takes no attribute named '{name}': choose another name")
+        return made.name  # numbered when a layer of the user's has this name
+
+
+def discard(mesh: bpy.types.Mesh, name: str, layer: str) -> None:
+    """Remove the layer that `prepare` made for this name, unless it was there already."""
+    if layer != name:
+        with choices_kept(mesh):
+            mesh.attributes.remove(mesh.attributes[layer])
+
+
+def fill(mesh: bpy.types.Mesh, layer: str, name: str, values: np.ndarray) -> str | None:
+    """Write values into a prepared layer and give it its name.
+
+    Parameters
+    ----------
+    mesh : bpy.types.Mesh
+    layer : str
+        What `prepare` returned.
+    name : str
+        The name to end up with; an attribute of that name but another kind is removed.
+    values : ndarray, (n, 3) float
+        Linear colours, finite.
+
+    Returns
+    -------
+    str or None
+        What was replaced, in words.
+    """
+    rgba = np.ones((len(values), 4), np.float32)
+    rgba[:, :3] = values
+    mesh.attributes[layer].data.foreach_set("color", rgba.ravel())
+    replaced = None
+    if layer != name:
+        with choices_kept(mesh):
+            if name in mesh.attributes:
+                replaced = _remove(mesh, name)
+            mesh.attributes[layer].name = name
+    mesh.update()
+    return replaced
+
+
+def _remove(mesh: bpy.types.Mesh, name: str) -> str:
+    """Remove an attribute; what it was, in words."""
+    if name in mesh.uv_layers:
+        mesh.uv_layers.remove(mesh.uv_layers[name])
+        return f"UV map '{name}' of mesh '{mesh.name}', which belonged to a lightmap, was replaced"
+    old = mesh.attributes[name]
+    kind = f"{old.data_type}, {old.domain}"
+    mesh.attributes.remove(old)
+    return f"attribute '{name}' of mesh '{mesh.name}' ({kind}) was replaced"
+
+
+def make_active(mesh: bpy.types.Mesh, name: str) -> None:
+    """Show this colour in the viewport and in painting; the default for renders changes only if there was none."""
+    if not mesh.attributes.default_color_name or mesh.attributes.default_color_name not in mesh.attributes:
+        mesh.attributes.default_color_name = name
+    mesh.attributes.active_color_name = name
+
+
+@contextmanager
+def choices_kept(mesh: bpy.types.Mesh) -> Iterator[None]:
+    """Keep which attribute is active, and which colour is active and the default, while layers come and go."""
+    layers = mesh.attributes
+    active, index = layers.active.name if layers.active else "", layers.active_index
+    color, default = layers.active_color_name, layers.default_color_name
+    try:
+        yield
+    finally:
+        layers.default_color_name, layers.active_color_name = default, color
+        if active in layers:
+            layers.active = layers[active]
+        else:
+            layers.active_index = index
+
+
+def is_color(mesh: bpy.types.Mesh, name: str, domain: str, data_type: str = "FLOAT_COLOR") -> bool:
+    """Whether the mesh has a colour attribute of this name, domain and type."""
+    attribute = mesh.attributes.get(name)
+    return attribute is not None and attribute.data_type == data_type and attribute.domain == domain
+
+
+def keeps_what_is_written(mesh: bpy.types.Mesh) -> bool:
+    """Whether attributes of a mesh reach the file: those of linked meshes and of library overrides do not."""
+    return mesh.library is None and mesh.override_library is None and mesh.is_editable

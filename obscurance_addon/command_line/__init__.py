@@ -1,0 +1,8 @@
+"""The command line: bakes files without a window.
+
+In go arguments. Out come baked files, reports, and an exit status.
+"""
+
+from .arguments import parse
+
+__all__ = ["parse"]

@@ -1,0 +1,240 @@
+"""Direct light: what patches receive from lamps, emissive faces and the world, with shadows.
+
+H(i) = 1/N sum_j E_j over the same sample points as the obscurances: places on the patch jointly with points on each
+lamp, or with directions. Soft sources and the extent of the patch are integrated by the same four-dimensional points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..sampling import UNIT
+from ..settings import BakeSettings
+from ..tracing import BLOCK_RAYS, FAR, PatchSamples, TracedScene, pass_doubled_faces, shadowed, starts_inside
+from .emitters import EmissiveTriangles
+from .lamps import Lamp, LightSource
+
+SPARSE_RAYS = 4  # a patch at least, to tell how open a scene is
+OPENNESS_RAYS = 1 << 15  # in all, shared out by area: one large face may be most of a scene
+MAX_OPENNESS_RAYS = 4096  # of them for one patch
+
+_HIT, _DROPPED = 3, 4  # columns of the sums over unlimited rays behind the irradiance
+
+
+@dataclass(frozen=True)
+class LitScene:
+    """A scene with its light, ready for casting.
+
+    Attributes
+    ----------
+    traced : TracedScene
+        All surfaces; its cells are those of all patches that scatter light, first those to bake.
+    ids : ndarray, (p,) uint32
+        Stable identity of each patch.
+    lamps : tuple of Lamp
+    emitters : EmissiveTriangles or None
+    world : ndarray, (3,)
+        Constant radiance of the world, W/(m^2 sr).
+    """
+
+    traced: TracedScene
+    ids: np.ndarray
+    lamps: tuple[Lamp, ...]
+    emitters: EmissiveTriangles | None
+    world: np.ndarray
+
+    @property
+    def sources(self) -> list[LightSource]:
+        """Everything that shadow rays are sent to."""
+        return [*self.lamps, *([self.emitters] if self.emitters else [])]
+
+    @property
+    def shines_on_rays(self) -> bool:
+        """Whether rays without a limit meet anything that shines."""
+        return self.emitters is not None or bool(self.world.any())
+
+
+@dataclass(frozen=True)
+class DirectLight:
+    """What patches receive.
+
+    Attributes
+    ----------
+    irradiance : ndarray, (p, 3) float64
+        W/m^2, mean over the part of each patch outside of solids; 0 where there is none.
+    valid : ndarray, (p,) float64
+        Share of each patch outside of solids.
+    hit_share : ndarray, (p,) float64
+        Share of the hemisphere, cosine weighted, in which there is any surface.
+    rays : int
+    unreached : list of str
+        Lamps that face patches, but light none.
+    """
+
+    irradiance: np.ndarray
+    valid: np.ndarray
+    hit_share: np.ndarray
+    rays: int
+    unreached: list[str]
+
+
+def gather_direct_light(
+    scene: LitScene,
+    per_patch: np.ndarray,
+    settings: BakeSettings,
+    *,
+    valid: np.ndarray | None = None,
+    with_openness: bool = True,
+    replicate: int = 0,
+    progress: Callable[[int], None] = lambda _rays: None,
+    block_rays: int = BLOCK_RAYS,
+) -> DirectLight:
+    """Cast shadow rays to all sources, and rays without a limit to what cannot be sampled otherwise.
+
+    Parameters
+    ----------
+    scene : LitScene
+    per_patch : ndarray, (p,) int
+        Samples for each patch and source.
+    settings : BakeSettings
+        Sampler, seed and threads.
+    valid : ndarray, (q,) float64, q <= p, optional
+        Known shares outside of solids of the first patches, from as many rays of the same points.
+    with_openness : bool
+        Cast rays to find `hit_share`, also where nothing else needs them; else it is 0 there.
+    replicate : int
+        0 for the bake; other numbers give independent samples.
+    progress : callable
+        Called from any thread with the number of rays just cast; may raise to cancel.
+    block_rays : int
+
+    Returns
+    -------
+    DirectLight
+        Bit for bit the same for any number of threads and any block size.
+    """
+    cells, n_patches = scene.traced.cells, len(scene.traced.cells.area)
+    every = np.arange(len(cells.patch))
+    known = 0 if valid is None else len(valid)
+    far_rays, openness_rays = per_patch.copy(), share_by_area(cells.area, OPENNESS_RAYS, MAX_OPENNESS_RAYS)
+    if not scene.shines_on_rays:  # then they only tell what is inside of solids, and how open the scene is
+        sparse = slice(None) if scene.traced.solid is None else slice(0, known)
+        far_rays[sparse] = openness_rays[sparse]
+    far = _FarRays(scene, PatchSamples(cells, scene.ids, far_rays, settings, replicate, block_rays), progress)
+    needed = scene.shines_on_rays or with_openness or known < n_patches
+    rays = far.samples.run(every, far.cast) if needed else 0
+
+    def per_patch_mean(sums: np.ndarray, samples: PatchSamples) -> np.ndarray:
+        share = cells.weight / samples.count
+        return np.stack([np.bincount(cells.patch, column * share, n_patches) for column in sums.T], -1)
+
+    found = per_patch_mean(far.sums, far.samples)
+    wide = np.flatnonzero((openness_rays > far_rays)[cells.patch] & (cells.patch < known))
+    if len(wide) and with_openness:  # large patches, whose own number of rays says too little of the scene
+        more = _FarRays(scene, PatchSamples(cells, scene.ids, openness_rays, settings, replicate, block_rays), progress)
+        rays += more.samples.run(wide, more.cast)
+        patches = np.unique(cells.patch[wide])
+        found[patches, _HIT] = per_patch_mean(more.sums, more.samples)[patches, _HIT]
+    exposed = np.bincount(cells.patch, cells.weight, n_patches) - found[:, _DROPPED]
+    exposed[exposed < 1e-9] = 0.0
+    if valid is not None:
+        exposed[:known] = valid
+    shadows = _ShadowRays(
+        scene,
+        PatchSamples(cells, scene.ids, per_patch, settings, replicate, block_rays),
+        progress,
+        (exposed < 1.0 - 1e-9)[cells.patch],
+    )
+    if scene.sources:
+        rays += shadows.samples.run(every, shadows.cast, UNIT) * len(scene.sources)
+    irradiance = per_patch_mean(shadows.sums, shadows.samples) + found[:, :3]
+    divisor = np.where(exposed > 0.0, exposed, 1.0)
+    irradiance[exposed == 0.0] = 0.0
+    return DirectLight(
+        irradiance=irradiance / divisor[:, None],
+        valid=exposed,
+        hit_share=np.clip(found[:, _HIT] / divisor, 0.0, 1.0),
+        rays=rays,
+        unreached=[
+            source.name
+            for source, tried, reached in zip(scene.sources, shadows.tried, shadows.reached, strict=True)
+            if tried and not reached
+        ],
+    )
+
+
+def share_by_area(area: np.ndarray, budget: int, most: int) -> np.ndarray:
+    """Samples of each patch (p,) int64, powers of two from SPARSE_RAYS to `most`, in proportion to area (p,)."""
+    share = area / max(float(area.sum()), np.finfo(float).tiny)
+    return 2 ** np.floor(np.log2(np.clip(budget * share, SPARSE_RAYS, most))).astype(np.int64)
+
+
+class _ShadowRays:
+    """Sums per cell over rays to points on the sources; every block writes its own cells."""
+
+    def __init__(
+        self, scene: LitScene, samples: PatchSamples, progress: Callable[[int], None], partly_inside: np.ndarray
+    ) -> None:
+        self.scene, self.samples, self.progress = scene, samples, progress
+        self.partly_inside = partly_inside  # (c,) bool: cells of patches that reach into solids
+        self.sums = np.zeros((len(scene.traced.cells.patch), 3))
+        self.tried = np.zeros(len(scene.sources), bool)
+        self.reached = np.zeros(len(scene.sources), bool)
+
+    def cast(self, cells: np.ndarray, samples: np.ndarray) -> None:
+        """Add samples (4, m, n) of cells (m,)."""
+        m, n = samples.shape[1:]
+        traced = self.scene.traced
+        origins = self.samples.origins(cells, samples)
+        normals = np.repeat(traced.cells.frames[cells, 2, 3:], n, axis=0)
+        unit = samples[2:4].reshape(2, -1).T
+        may_be_inside = np.repeat(self.partly_inside[cells], n)
+        total = np.zeros((m, 3))
+        for index, source in enumerate(self.scene.sources):
+            sample = source.sample(origins, normals, unit)
+            cosine = np.einsum("ij,ij->i", sample.direction, normals)
+            lit = np.flatnonzero((cosine > 0.0) & (sample.received > 0.0).any(1))
+            if len(lit):
+                self.tried[index] = True
+                distance = sample.distance[lit] if source.casts_shadow else np.zeros(len(lit), np.float32)
+                if source.casts_shadow or may_be_inside[lit].any():
+                    lit = lit[~shadowed(traced, origins[lit], sample.direction[lit], distance, may_be_inside[lit])]
+                if len(lit):
+                    self.reached[index] = True
+            irradiance = np.zeros((m * n, 3), np.float32)
+            irradiance[lit] = sample.received[lit] * cosine[lit, None]
+            total += irradiance.reshape(m, n, 3).sum(1, dtype=np.float64)
+            self.progress(m * n)
+        self.sums[cells] += total
+
+
+class _FarRays:
+    """Sums per cell over rays without a limit."""
+
+    def __init__(self, scene: LitScene, samples: PatchSamples, progress: Callable[[int], None]) -> None:
+        self.scene, self.samples, self.progress = scene, samples, progress
+        self.sums = np.zeros((len(scene.traced.cells.patch), 5))
+        self._sky = np.float32(np.pi * scene.world)
+
+    def cast(self, cells: np.ndarray, samples: np.ndarray) -> None:
+        """Add samples (5, m, n) of cells (m,)."""
+        m, n = samples.shape[1:]
+        traced = self.scene.traced
+        origins, directions = self.samples.origins(cells, samples), self.samples.directions(cells, samples)
+        hits = traced.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
+        pass_doubled_faces(traced, cells, n, origins, directions, FAR, hits)
+        met = hits.triangle >= 0
+        if self.scene.shines_on_rays:
+            found = np.where(met[:, None], np.float32(0.0), self._sky)
+            if self.scene.emitters is not None:
+                found += self.scene.emitters.met(hits, directions, samples[4].ravel())
+            self.sums[cells, :3] += found.reshape(m, n, 3).sum(1, dtype=np.float64)
+        if traced.solid is not None:
+            inside = starts_inside(traced, directions, hits)
+            met &= ~inside
+            self.sums[cells, _DROPPED] += np.count_nonzero(inside.reshape(m, n), axis=1)
+        self.sums[cells, _HIT] += np.count_nonzero(met.reshape(m, n), axis=1)
+        self.progress(m * n)

@@ -1,0 +1,29 @@
+"""Obscurances and light at the texels of a lightmap, and the atlas that the faces lie on.
+
+In go meshes to unwrap or triangles with UV coordinates, and what a bake of patches needs. Out come pages of pixels
+with their margins, and counts.
+"""
+
+from .bake import Lightmap, bake_lightmap
+from .light import bake_light_map
+from .pages import AtlasLayout
+from .settings import MAX_ERROR_BOUND, MAX_MARGIN, MAX_SIZE, MIN_ERROR_BOUND, MIN_SIZE, LightmapSettings, UvMode
+from .triangles import charts_of
+from .unwrapping import UnwrapMesh, unwrap
+
+__all__ = [
+    "MAX_ERROR_BOUND",
+    "MAX_MARGIN",
+    "MAX_SIZE",
+    "MIN_ERROR_BOUND",
+    "MIN_SIZE",
+    "AtlasLayout",
+    "Lightmap",
+    "LightmapSettings",
+    "UnwrapMesh",
+    "UvMode",
+    "bake_light_map",
+    "bake_lightmap",
+    "charts_of",
+    "unwrap",
+]

@@ -1,0 +1,290 @@
+"""Lays the faces of meshes side by side on square pages, for a texture that holds light.
+
+A child process does the work (`core.unwrap_worker`), for xatlas stops the whole interpreter while it runs and may crash
+or hang on a broken mesh.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import BackendError, GeometryError
+from ..native_library import why_missing
+
+WORKER = Path(__file__).with_name("unwrap_worker")  # a folder that Python runs, never a package
+MOST_PAGES = 100  # UDIM tiles go by tens, and a bake of more than this would fill any memory
+FARTHEST = 1.0e15  # metres; xatlas hangs on coordinates near 1e20, and nothing real is as far as this
+ROUNDING = 4.0 * np.finfo(float).eps  # of a coordinate; what is no wider may be rounding alone
+POLL = 0.05  # seconds
+PATIENCE, PATIENCE_PER_TRIANGLE = (
+    60.0,
+    0.01,
+)  # seconds for a mesh; usual ones take 0.0001 a triangle, a fan of 20,000 slivers 0.007
+SLOWEST_PAGES = 20.0  # packing on many pages tries each one for each chart
+CHARTING = 0.6  # of the work, roughly
+USUAL_TRIES = 11
+KEEP = "keep an existing UV map for it, or repair it (Mesh > Clean Up)"
+
+
+@dataclass(frozen=True)
+class UnwrapMesh:
+    """A mesh of v vertices, c corners of f polygons, and t triangles of these."""
+
+    name: str  # of the object, for messages
+    positions: np.ndarray  # (v, 3) float64 world metres
+    corner_vertex: np.ndarray  # (c,) int
+    face_start: np.ndarray  # (f + 1,) int, face i has the corners face_start[i] .. face_start[i + 1] - 1
+    triangle_corners: np.ndarray  # (t, 3) int
+    triangle_face: np.ndarray  # (t,) int
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """Where the faces of each mesh lie."""
+
+    uv: list[np.ndarray]  # (c, 2) float32 of each corner, 0..1 within its page
+    page: list[np.ndarray]  # (f,) int32 from 0, -1 for faces that are not placed
+    chart: list[np.ndarray]  # (f,) int32 numbered over all meshes, -1 for faces that are not placed
+    pages: int
+    size: int  # side of a page in texels
+    texels_per_metre: float
+    notes: list[str]  # what the user should know, one sentence each without a full stop
+    seconds: float
+
+
+def unwrap(
+    meshes: Sequence[UnwrapMesh],
+    *,
+    size: int,
+    padding: int,
+    texels_per_metre: float | None = None,
+    check: Callable[[], None],
+    progress: Callable[[float], None] | None = None,
+) -> Atlas:
+    """Cuts the meshes into flat charts and packs these at one density; equal input gives equal bytes.
+
+    Parameters
+    ----------
+    meshes : sequence of UnwrapMesh
+    size : int
+        Side of a page in texels.
+    padding : int
+        Least number of free texels between two charts, beyond those that linear interpolation touches.
+    texels_per_metre : float, optional
+        Takes as many pages as that needs. Without it, the greatest density (to 1 %) at which one page holds all.
+    check : callable
+        Called every 50 ms; what it raises ends the child process and passes through.
+    progress : callable, optional
+        Told the share that is done, 0..1.
+
+    Raises
+    ------
+    GeometryError
+        When no face has an area, or the faces do not fit on the pages.
+    BackendError
+        When xatlas is missing, or fails or hangs on a mesh.
+    """
+    begin = time.monotonic()
+    if missing := why_missing("xatlas"):
+        raise BackendError(f"the unwrapper {missing}")
+    usable = [_usable_faces(mesh) for mesh in meshes]
+    notes = _dropped_notes(meshes, usable)
+    given = [i for i, (kept, _) in enumerate(usable) if kept.any()]
+    if not given:
+        names = ", ".join(dict.fromkeys(f"'{mesh.name}'" for mesh in meshes)) or "nothing"
+        raise GeometryError(f"no face to unwrap has an area ({names}); add faces, scale them up or repair them")
+    area = sum(area for _, area in usable)
+    if texels_per_metre is not None and area * texels_per_metre**2 > MOST_PAGES * size**2:
+        raise _too_many_pages(int(area * texels_per_metre**2 / size**2) + 1, size)
+    chosen = [(meshes[i], usable[i][0]) for i in given]
+    found = _Child(chosen, size, padding, texels_per_metre, check, progress or (lambda share: None)).run()
+    return _atlas(meshes, given, found, size, notes, begin)
+
+
+def _usable_faces(mesh: UnwrapMesh) -> tuple[np.ndarray, float]:
+    """Which faces (f,) can be placed, and the area of these in square metres."""
+    faces = len(mesh.face_start) - 1
+    near = np.isfinite(mesh.positions).all(1) & (np.abs(np.nan_to_num(mesh.positions)) < FARTHEST).all(1)
+    of = np.repeat(np.arange(faces), np.diff(mesh.face_start))
+    kept = np.bincount(of, ~near[mesh.corner_vertex], faces) == 0
+    valid = kept[mesh.triangle_face]
+    points = mesh.positions[mesh.corner_vertex[mesh.triangle_corners[valid]]]
+    if not len(points):
+        return np.zeros(faces, bool), 0.0
+    edges = np.roll(points, -1, 1) - points
+    area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    longest = np.linalg.norm(edges, axis=2).max(1)
+    rounding = ROUNDING * longest * np.abs(points).max((1, 2))
+    area, rounding = (np.bincount(mesh.triangle_face[valid], x, faces) for x in (area, rounding))
+    kept &= area > rounding
+    return kept, float(area[kept].sum())
+
+
+def _dropped_notes(meshes: Sequence[UnwrapMesh], usable: list[tuple[np.ndarray, float]]) -> list[str]:
+    notes = []
+    for mesh, (kept, _) in zip(meshes, usable, strict=True):
+        if dropped := int((~kept).sum()):
+            faces, get = ("face", "gets") if dropped == 1 else ("faces", "get")
+            notes.append(f"object '{mesh.name}': {dropped} {faces} without area {get} no texels")
+    return notes
+
+
+def _job(mesh: UnwrapMesh, kept: np.ndarray, number: int) -> dict[str, np.ndarray]:
+    """What the child needs of a mesh, recentred while it is still float64."""
+    valid = kept[mesh.triangle_face]
+    corners = mesh.triangle_corners[valid].astype(np.int64)
+    points = mesh.positions[mesh.corner_vertex].astype(np.float64)
+    used = points[corners.ravel()]
+    return {
+        f"face_start{number}": mesh.face_start.astype(np.int64),
+        f"corners{number}": corners,
+        f"face{number}": mesh.triangle_face[valid].astype(np.int64),
+        f"points{number}": points - 0.5 * (used.min(0) + used.max(0)),
+    }
+
+
+class _Child:
+    """The process that cuts and packs."""
+
+    def __init__(
+        self,
+        meshes: list[tuple[UnwrapMesh, np.ndarray]],
+        size: int,
+        padding: int,
+        density: float | None,
+        check: Callable[[], None],
+        progress: Callable[[float], None],
+    ) -> None:
+        self.names, self.check, self.progress = [mesh.name for mesh, _ in meshes], check, progress
+        triangles = np.array([len(mesh.triangle_face) for mesh, _ in meshes])
+        seconds = PATIENCE + PATIENCE_PER_TRIANGLE * triangles
+        pack_seconds = seconds.sum() * (SLOWEST_PAGES if density else 1.0)
+        numbers = {"size": size, "padding": padding, "density": density or 0.0, "most_pages": MOST_PAGES}
+        self.data = {k: np.array(v) for k, v in (numbers | {"seconds": seconds, "pack_seconds": pack_seconds}).items()}
+        for number, (mesh, kept) in enumerate(meshes):
+            self.data |= _job(mesh, kept, number)
+        self.done = np.concatenate([[0.0], np.cumsum(triangles) / triangles.sum()])
+        self.lines, self.mesh, self.packing = [], None, False
+
+    def run(self) -> dict[str, np.ndarray]:
+        """The arrays it found; raises as `unwrap` does."""
+        with tempfile.TemporaryDirectory(prefix="obscurance-") as folder:
+            np.savez(Path(folder, "job.npz"), **self.data)
+            with open(Path(folder, "errors.txt"), "w+b") as errors:
+                self._wait(self._start(folder, errors))
+                errors.seek(0)
+                said = errors.read().decode(errors="replace").strip().splitlines()
+            self._raise_answer()
+            if self.code or not Path(folder, "result.npz").exists():
+                raise self._failed(f"failed ({self._reason(said)})")
+            with np.load(Path(folder, "result.npz"), allow_pickle=False) as file:
+                return dict(file)
+
+    def _start(self, folder: str, errors: object) -> subprocess.Popen:
+        try:
+            return subprocess.Popen(
+                [sys.executable, str(WORKER), folder, str(os.getpid())],
+                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                text=True,
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+        except OSError as error:
+            raise BackendError(f"the unwrapper does not start ({error}); keep existing UV maps instead") from error
+
+    def _wait(self, process: subprocess.Popen) -> None:
+        reader = threading.Thread(target=lambda: self.lines.extend(iter(process.stdout.readline, "")), daemon=True)
+        reader.start()
+        heard, since = 0, time.monotonic()
+        try:
+            while process.poll() is None:
+                self.check()
+                time.sleep(POLL)
+                while heard < len(self.lines):
+                    self._hear(self.lines[heard])
+                    heard, since = heard + 1, time.monotonic()
+                if time.monotonic() - since > self._limit():
+                    raise self._failed("does not come to an end")
+        finally:
+            process.kill()
+            process.wait()
+            reader.join()
+            process.stdout.close()
+        for line in self.lines[heard:]:
+            self._hear(line)
+        self.code = process.returncode
+
+    def _limit(self) -> float:
+        return float(self.data["pack_seconds"] if self.packing else self.data["seconds"][self.mesh or 0])
+
+    def _hear(self, line: str) -> None:
+        word, *rest = line.split()
+        if word == "mesh":
+            self.mesh = int(rest[0])
+            self.progress(CHARTING * float(self.done[self.mesh]))
+        elif word == "pack":
+            self.packing = True
+            self.progress(CHARTING + (1.0 - CHARTING) * min(int(rest[0]) / USUAL_TRIES, 1.0))
+
+    def _raise_answer(self) -> None:
+        word, *rest = self.lines[-1].split() if self.lines else [""]
+        size, density = int(self.data["size"]), float(self.data["density"])
+        if word == "oversize":
+            name, metres = self.names[int(rest[0])], float(rest[1])
+            raise GeometryError(
+                f"a face of object '{name}' is {metres:.4g} m wide, {metres * density:.0f} texels, more than a page of "
+                f"{size}; lower the texels per metre or raise the size"
+            )
+        if word == "pages":
+            raise _too_many_pages(int(rest[0]), size)
+        if word == "crowded":
+            raise GeometryError(
+                f"the faces fall into {rest[0]} charts, more than a page of {size} x {size} texels can hold; raise the "
+                "size, lower the padding or unwrap fewer objects"
+            )
+
+    def _failed(self, how: str) -> BackendError:
+        if self.packing or self.mesh is None:
+            what = "while it packed the charts" if self.packing else "before its first mesh"
+            return BackendError(f"the unwrapper {how} {what}; keep existing UV maps instead")
+        return BackendError(f"the unwrapper {how} on object '{self.names[self.mesh]}'; {KEEP}")
+
+    def _reason(self, said: list[str]) -> str:
+        if self.code < 0:
+            return f"signal {-self.code}"
+        return said[-1] if said else f"exit code {self.code}"
+
+
+def _too_many_pages(pages: int, size: int) -> GeometryError:
+    return GeometryError(
+        f"the faces need {pages} pages of {size} x {size} texels, more than {MOST_PAGES}; "
+        "lower the texels per metre or raise the size"
+    )
+
+
+def _atlas(
+    meshes: Sequence[UnwrapMesh], given: list[int], found: dict, size: int, notes: list[str], begin: float
+) -> Atlas:
+    uv = [np.zeros((len(mesh.corner_vertex), 2), np.float32) for mesh in meshes]
+    page, chart = ([np.full(len(mesh.face_start) - 1, -1, np.int32) for mesh in meshes] for _ in range(2))
+    for n, i in enumerate(given):
+        uv[i], page[i], chart[i] = found[f"uv{n}"], found[f"page{n}"], found[f"chart{n}"]
+        folded, unchecked = found[f"folded{n}"]
+        if folded:
+            faces, overlap = ("face", "overlaps itself") if folded == 1 else ("faces", "overlap themselves")
+            notes.append(f"object '{meshes[i].name}': {folded} twisted {faces} {overlap} when laid flat")
+        if unchecked:
+            notes.append(f"object '{meshes[i].name}' is too entangled to be searched for overlaps")
+    return Atlas(uv, page, chart, int(found["pages"]), size, float(found["density"]), notes, time.monotonic() - begin)

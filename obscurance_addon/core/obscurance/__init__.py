@@ -1,0 +1,29 @@
+"""The obscurances with colour bleeding of patches, as in the 2003 paper.
+
+In go surfaces, patches and settings. Out come W per channel and without colour, which patches are hidden in solids,
+and an estimate of the error.
+"""
+
+from .bake import (
+    Obscurances,
+    bake_obscurances,
+    error_sample,
+    half_difference,
+    obscurances_in,
+    patch_values,
+    precision_warnings,
+)
+from .estimator import Caster, ObscuranceSums, Progress
+
+__all__ = [
+    "Caster",
+    "ObscuranceSums",
+    "Obscurances",
+    "Progress",
+    "bake_obscurances",
+    "error_sample",
+    "half_difference",
+    "obscurances_in",
+    "patch_values",
+    "precision_warnings",
+]

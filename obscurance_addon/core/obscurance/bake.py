@@ -1,0 +1,243 @@
+"""One bake from geometry to obscurances: the steps of the method, in order."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import GeometryError
+from ..monitor import Monitor
+from ..sampling import allocate_rays, hash32
+from ..scene import Normalisation, Patches, Surfaces, fill_invalid, mean_reflectance
+from ..settings import BakeSettings
+from ..tracing import BLOCK_RAYS, EmbreeIntersector, Held, Intersector, TracedScene, build_scene
+from .estimator import ObscuranceSums, gather_obscurances
+
+# The error is measured on a sample of the patches, baked once more with independent points: all of a small scene,
+# one in 32 of a large one, where 1,000 pairs already fix the RMSE to a few percent.
+ERROR_SAMPLE_MIN, ERROR_SAMPLE_FRACTION = 1024, 32
+MIN_OFFSETS_PER_DISTANCE = 1e3  # d_max below this many ray offsets is lost in their rounding
+
+
+@dataclass(frozen=True)
+class Obscurances:
+    """What a bake computed.
+
+    Attributes
+    ----------
+    coloured : ndarray, (p, 3) float64
+        W with colour bleeding (eqs. 5, 6); equal columns of `grey` without bleeding.
+    grey : ndarray, (p,) float64
+        W without colour (eq. 2), 0 .. 1.
+    valid : ndarray, (p,) bool
+        False for patches without usable surface or wholly inside of solids. Their values come from valid neighbours,
+        or are those of an open patch where there is none.
+    r_ave : ndarray, (3,) float64
+        Mean reflectance of the scene's surfaces, patches inside of solids left out.
+    use_bleeding : bool
+    repeated : ndarray, (p, 4) float64
+        `coloured` and `grey` from independent points for the sample of patches that tells the error; else NaN.
+    rmse, grey_rmse : ndarray, (3,) float64, and float
+        Estimated root mean square error of `coloured` and of `grey` over patches, from independent point sets.
+    d_max : float
+        Reach of the rays in metres.
+    rays : int
+        Rays cast for the values; `error_rays` more were cast for the error estimate.
+    sums : ObscuranceSums
+        Hits and misses apart, for updates without rays.
+    seconds : dict of str to float
+        Time spent per phase: build, trace.
+    warnings : list of str
+    """
+
+    coloured: np.ndarray
+    grey: np.ndarray
+    valid: np.ndarray
+    r_ave: np.ndarray
+    use_bleeding: bool
+    repeated: np.ndarray
+    rmse: np.ndarray
+    grey_rmse: float
+    d_max: float
+    rays: int
+    error_rays: int
+    sums: ObscuranceSums
+    seconds: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    def white(self) -> np.ndarray:
+        """W / R_ave per channel, (p, 3) float64: an open patch is 1. Eq. 2 without bleeding or where R_ave is 0."""
+        return self._as_white(self.coloured, self.grey)
+
+    def white_again(self) -> np.ndarray:
+        """`white` of the repeated estimates, (p, 3) float64, NaN where there is none."""
+        return self._as_white(self.repeated[:, :3], self.repeated[:, 3])
+
+    def white_rmse(self) -> np.ndarray:
+        """Estimated error of `white`, (3,) float64."""
+        white = self._white()
+        return np.where(white > 0.0, self.rmse / np.where(white > 0.0, white, 1.0), self.grey_rmse)
+
+    def _as_white(self, coloured: np.ndarray, grey: np.ndarray) -> np.ndarray:
+        white = self._white()
+        return np.where(white > 0.0, coloured / np.where(white > 0.0, white, 1.0), grey[:, None])
+
+    def _white(self) -> np.ndarray:
+        """Value of an open patch per channel, (3,) float64."""
+        return self.r_ave if self.use_bleeding else np.ones(3)
+
+
+def bake_obscurances(
+    surfaces: Surfaces,
+    patches: Patches,
+    settings: BakeSettings,
+    *,
+    neighbours: tuple[np.ndarray, np.ndarray] | None = None,
+    patch_reflectance: np.ndarray | None = None,
+    monitor: Monitor | None = None,
+    intersector: Callable[[np.ndarray, np.ndarray, Callable[[int], None]], Intersector] = EmbreeIntersector,
+    block_rays: int = BLOCK_RAYS,
+    held: Held | None = None,
+) -> Obscurances:
+    """Compute the obscurances of patches among surfaces.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+        All that rays can hit, the patches' own surfaces included.
+    patches : Patches
+    settings : BakeSettings
+    neighbours : tuple of two ndarray (m,) int, optional
+        Pairs (patch, node): patches that share a node are neighbours, from which invalid patches take their value.
+    patch_reflectance : ndarray, (p, 3) float, optional
+        Mean reflectance of each patch; with it, R_ave leaves out what lies inside of solids.
+    monitor : Monitor, optional
+    intersector : callable
+        Builds the ray tracer from normalised vertices, triangles and a progress callback.
+    block_rays : int
+        Rays per task; the result does not depend on it.
+    held : Held, optional
+        Takes the place of what is otherwise derived from the whole scene, so that bakes before and after a change can
+        be compared bit for bit.
+
+    Raises
+    ------
+    GeometryError
+        When there is nothing to bake: no patch, or patches without extent.
+    BakeCancelledError
+        When the monitor says so.
+    """
+    monitor = monitor or Monitor()
+    if not len(patches):
+        raise GeometryError("there is no face to bake")
+    began = time.perf_counter()
+    scene, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector, held=held)
+    built = time.perf_counter()
+    result = obscurances_in(
+        scene,
+        normalisation,
+        d_max,
+        surfaces,
+        patches.ids,
+        settings,
+        neighbours=neighbours,
+        patch_reflectance=patch_reflectance,
+        monitor=monitor,
+        block_rays=block_rays,
+        rays=None if held is None else held.rays,
+    )
+    result.seconds["build"] = built - began
+    return result
+
+
+def obscurances_in(
+    scene: TracedScene,
+    normalisation: Normalisation,
+    d_max: float,
+    surfaces: Surfaces,
+    ids: np.ndarray,
+    settings: BakeSettings,
+    *,
+    neighbours: tuple[np.ndarray, np.ndarray] | None,
+    patch_reflectance: np.ndarray | None,
+    monitor: Monitor,
+    block_rays: int,
+    rays: np.ndarray | None = None,
+) -> Obscurances:
+    """`bake_obscurances` once the scene is built: its results first, then `Held.rays`."""
+    began = time.perf_counter()
+    sample = error_sample(ids)
+    per_patch = allocate_rays(scene.cells.area, settings) if rays is None else rays
+    monitor.phase("trace", int(per_patch.sum() + per_patch[sample].sum()))
+    cast = functools.partial(
+        gather_obscurances,
+        ids=ids,
+        settings=settings,
+        progress=monitor.advance,
+        block_rays=block_rays,
+        rays=per_patch,
+    )
+    sums = cast(scene)
+    second = cast(dataclasses.replace(scene, cells=scene.cells.of_patches(sample)), replicate=1)
+    traced = time.perf_counter()
+
+    r_ave = mean_reflectance(surfaces, scene.cells.area * normalisation.scale**2, sums.valid, patch_reflectance)
+    values, again = (patch_values(s, r_ave, settings.use_bleeding) for s in (sums, second))
+    again[~(sample & (sums.valid > 0.0) & (second.valid > 0.0))] = np.nan
+    rmse = half_difference(values, again)
+    valid = sums.valid > 0.0
+    fill_invalid(values, valid, np.append(r_ave if settings.use_bleeding else np.ones(3), 1.0), neighbours)
+    return Obscurances(
+        coloured=values[:, :3],
+        grey=values[:, 3],
+        valid=valid,
+        r_ave=r_ave,
+        use_bleeding=settings.use_bleeding,
+        repeated=again,
+        rmse=rmse[:3],
+        grey_rmse=float(rmse[3]),
+        d_max=d_max,
+        rays=sums.rays,
+        error_rays=second.rays,
+        sums=sums,
+        seconds={"build": 0.0, "trace": traced - began},
+        warnings=precision_warnings(scene, d_max, normalisation.scale),
+    )
+
+
+def half_difference(values: np.ndarray, again: np.ndarray) -> np.ndarray:
+    """Root mean square error (k,) of values (p, k), from independent estimates of some; NaN rows of `again` are out."""
+    difference = (values - again)[~np.isnan(again).any(1)]
+    return np.sqrt((difference**2).sum(0) / (2.0 * max(len(difference), 1)))
+
+
+def error_sample(ids: np.ndarray) -> np.ndarray:
+    """(p,) bool: the patches to bake twice, spread evenly by a hash of their identity."""
+    size = max(ERROR_SAMPLE_MIN, len(ids) // ERROR_SAMPLE_FRACTION)
+    sample = np.zeros(len(ids), bool)
+    sample[np.argsort(hash32(ids), kind="stable")[:size]] = True
+    return sample
+
+
+def patch_values(sums: ObscuranceSums, r_ave: np.ndarray, use_bleeding: bool) -> np.ndarray:
+    """(p, 4) float64: W per channel and W without colour; NaN for invalid patches."""
+    grey = sums.grey()[:, None]
+    return np.hstack([sums.coloured(r_ave) if use_bleeding else np.repeat(grey, 3, axis=1), grey])
+
+
+def precision_warnings(scene: TracedScene, d_max: float, scale: float) -> list[str]:
+    """What the user should know about the precision of this bake."""
+    cells = scene.cells
+    blurred = np.bincount(cells.patch, cells.offset * scale * MIN_OFFSETS_PER_DISTANCE > d_max) > 0
+    if not blurred.any():
+        return []
+    return [
+        f"the distance of {d_max:g} is too small for {np.count_nonzero(blurred)} patches that are far from the centre "
+        f"of the scene or very large: rays start up to {float(cells.offset.max()) * scale:.3g} above them; use a "
+        "larger distance, or bake distant or huge objects apart"
+    ]

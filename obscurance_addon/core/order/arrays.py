@@ -1,0 +1,178 @@
+"""A scene snapshot made ready for the core: surfaces, patches, and where each value goes. numpy only, any thread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import GeometryError
+from ..light import PatchMaterials
+from ..scene import Patches, Surfaces, solid_triangles
+from ..shading import shade_faces
+from .output import Target
+from .patch_parts import PatchPart, WorldObject, baked_part, other_part, unbaked_faces
+from .snapshot import ObjectSnapshot, SceneSnapshot
+
+MAX_TRIANGLES = 60_000_000  # about 12 GiB in the ray tracer; instances count each time
+
+
+@dataclass(frozen=True)
+class ObjectRange:
+    """Where the values of one object lie among the patches.
+
+    Attributes
+    ----------
+    first, end : int
+        Range of the object's patches.
+    element_patch : ndarray, (n,) int
+        Patch, counted from `first`, of each face, corner or vertex of the unmodified mesh.
+    """
+
+    first: int
+    end: int
+    element_patch: np.ndarray
+
+
+@dataclass(frozen=True)
+class BakeArrays:
+    """What `core.obscurance.bake_obscurances` and `core.light.bake_light` take, and the ranges of their result.
+
+    `materials` has area means over each patch, reflectance 0 .. 0.95: first the patches to bake, then, where light is
+    needed, `others`: the faces of everything that is not baked.
+    """
+
+    surfaces: Surfaces
+    patches: Patches
+    others: Patches
+    materials: PatchMaterials
+    neighbours: tuple[np.ndarray, np.ndarray]
+    ranges: list[ObjectRange]
+    warnings: list[str]
+
+
+def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = False) -> BakeArrays:
+    """Turn a snapshot into the arrays of a bake.
+
+    Parameters
+    ----------
+    snapshot : SceneSnapshot
+    target : Target
+    needs_light : bool
+        Cut up what is not baked into patches too.
+
+    Raises
+    ------
+    GeometryError
+        When the scene has more triangles than can be traced.
+    """
+    objects = [baked.snapshot for baked in snapshot.baked] + snapshot.occluders
+    n_triangles = sum(len(ob.mesh.triangle_corners) for ob in objects)
+    if n_triangles > MAX_TRIANGLES:
+        raise GeometryError(
+            f"the scene has {n_triangles:,} triangles, instances counted each time, but at most {MAX_TRIANGLES:,} "
+            "can be traced: hide distant instances from renders"
+        )
+    warnings: list[str] = []
+    shaded: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray]] = {}  # instances that look the same are shaded once
+    worlds = []
+    for ob in objects:
+        key = (id(ob.mesh), id(ob.surface), *map(id, ob.shadings))
+        if key not in shaded:
+            shaded[key] = shade(ob)
+        worlds.append(WorldObject.of(ob, shaded[key]))
+    parts = [baked_part(baked, world, target) for baked, world in zip(snapshot.baked, worlds, strict=False)]
+    for ob, world in zip(objects, worlds, strict=True):
+        broken = np.count_nonzero(~np.isfinite(world.vertices).all(1))
+        if broken:
+            warnings.append(
+                f"object '{ob.name}': {broken} vertices have no finite position, their faces were left out; repair the "
+                "mesh or its modifiers"
+            )
+    others, owners = [], list(range(len(parts)))  # owners: the object of each part
+    for number, (ob, world) in enumerate(zip(objects, worlds, strict=True) if needs_light else ()):
+        faces = unbaked_faces(ob.mesh) if number < len(parts) else np.ones(len(ob.mesh.face_start) - 1, bool)
+        if faces.any():
+            others.append(other_part(ob, world, number, faces))
+            owners.append(number)
+    starts = np.cumsum([0] + [len(part.ids) for part in parts])
+    node_starts = np.cumsum([0] + [part.n_nodes for part in parts])
+    first_patch = np.cumsum([0] + [len(part.ids) for part in [*parts, *others]])
+    everything = [*parts, *others]
+    return BakeArrays(
+        surfaces=_join_surfaces(objects, worlds, [part.face_patch for part in everything], owners, first_patch),
+        patches=_join_patches(parts),
+        others=_join_patches(others),
+        materials=PatchMaterials(
+            np.concatenate([part.reflectance for part in everything]),
+            np.concatenate([part.emission for part in everything]),
+        ),
+        neighbours=(
+            np.concatenate([part.element_patch_of_node + first for part, first in zip(parts, starts, strict=False)]),
+            np.concatenate([part.node + first for part, first in zip(parts, node_starts, strict=False)]),
+        ),
+        ranges=[
+            ObjectRange(int(first), int(first) + len(part.ids), part.element_patch)
+            for part, first in zip(parts, starts, strict=False)
+        ],
+        warnings=warnings,
+    )
+
+
+def shade(ob: ObjectSnapshot) -> tuple[np.ndarray, np.ndarray]:
+    """Reflectance and emission (f, 3) of the faces."""
+    return shade_faces(ob.shadings, material_slots(ob), ob.surface)
+
+
+def material_slots(ob: ObjectSnapshot) -> np.ndarray:
+    """Which of the shadings each face has, (f,); the last one stands for faces of objects without slots."""
+    slots = len(ob.shadings) - 1
+    return np.clip(ob.mesh.face_material, 0, max(slots - 1, 0))  # beyond the slots the last one counts, as in Cycles
+
+
+def _join_patches(parts: list[PatchPart]) -> Patches:
+    if not parts:
+        return Patches.none()
+    starts = np.cumsum([0] + [len(part.ids) for part in parts])
+    return Patches(
+        np.concatenate([part.cells for part in parts]),
+        np.concatenate([part.patch + first for part, first in zip(parts, starts, strict=False)]),
+        np.concatenate([part.ids for part in parts]),
+    )
+
+
+def _join_surfaces(
+    objects: list[ObjectSnapshot],
+    worlds: list[WorldObject],
+    face_patches: list[np.ndarray],
+    owners: list[int],
+    first_patch: np.ndarray,
+) -> Surfaces:
+    """All triangles; `face_patches` tell the patch of each face of the objects named by `owners`, -1 for none."""
+    solids: dict[int, np.ndarray] = {}
+    solid = []
+    for ob in objects:
+        if id(ob.mesh) not in solids:
+            solids[id(ob.mesh)] = solid_triangles(ob.mesh.positions, ob.mesh.corner_vertex[ob.mesh.triangle_corners])
+        solid.append(solids[id(ob.mesh)])
+    vertex_starts = np.cumsum([0] + [len(world.vertices) for world in worlds])
+    triangle_starts = np.cumsum([0] + [len(world.triangles) for world in worlds])
+    pairs = zip(worlds, vertex_starts, strict=False)
+    patch = np.full(triangle_starts[-1], -1, np.int32)
+    for owner, of_face, first in zip(owners, face_patches, first_patch, strict=False):
+        of_triangle = of_face[objects[owner].mesh.triangle_face]
+        known = np.flatnonzero(of_triangle >= 0)
+        patch[triangle_starts[owner] + known] = of_triangle[known] + first
+    return Surfaces(
+        vertices=np.concatenate([world.vertices for world in worlds]),
+        triangles=np.concatenate([world.triangles + np.int32(first) for world, first in pairs]),
+        reflectance=np.concatenate(
+            [world.reflectance[ob.mesh.triangle_face] for ob, world in zip(objects, worlds, strict=True)]
+        ),
+        solid=np.concatenate(solid),
+        object_starts=triangle_starts[:-1],
+        emission=np.concatenate(
+            [world.emission[ob.mesh.triangle_face] for ob, world in zip(objects, worlds, strict=True)]
+        ),
+        patch=patch,
+    )

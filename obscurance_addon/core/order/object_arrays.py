@@ -1,0 +1,66 @@
+"""Snapshots of single objects made ready for the core. numpy only, any thread."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..scene import Patches, SceneObject, Surfaces, solid_triangles
+from .arrays import shade
+from .output import Target
+from .patch_parts import WorldObject, baked_part
+from .snapshot import BakedObject, MeshArrays, ObjectSnapshot
+
+
+class ObjectArrays:
+    """Turns snapshots into objects of the core; what only depends on a mesh is found once.
+
+    Parameters
+    ----------
+    target : Target
+        What values belong to; not LIGHTMAP.
+    """
+
+    def __init__(self, target: Target) -> None:
+        self._target = target
+        self._solid: dict[int, tuple[MeshArrays, np.ndarray]] = {}  # by the mesh, which stays alive with its entry
+
+    def occluder(self, ob: ObjectSnapshot) -> SceneObject:
+        """An object that only occludes."""
+        surfaces = self._surfaces(ob, WorldObject.of(ob, shade(ob)), None)
+        return SceneObject(surfaces, Patches.none(), np.zeros((0, 3)), None)
+
+    def baked(self, baked: BakedObject) -> tuple[SceneObject, np.ndarray]:
+        """An object that receives values, and the patch (n,) int of each element of its unmodified mesh."""
+        world = WorldObject.of(baked.snapshot, shade(baked.snapshot))
+        part = baked_part(baked, world, self._target)
+        return (
+            SceneObject(
+                self._surfaces(baked.snapshot, world, part.face_patch),
+                Patches(part.cells, part.patch, part.ids),
+                part.reflectance,
+                (part.element_patch_of_node, part.node),
+            ),
+            part.element_patch,
+        )
+
+    def keep(self, meshes: Iterable[MeshArrays]) -> None:
+        """Forget all other meshes."""
+        kept = {id(mesh) for mesh in meshes}
+        self._solid = {key: found for key, found in self._solid.items() if key in kept}
+
+    def _surfaces(self, ob: ObjectSnapshot, world: WorldObject, face_patch: np.ndarray | None) -> Surfaces:
+        return Surfaces(
+            vertices=world.vertices,
+            triangles=world.triangles,
+            reflectance=world.reflectance[ob.mesh.triangle_face],
+            solid=self._solid_triangles(ob.mesh),
+            patch=None if face_patch is None else face_patch[ob.mesh.triangle_face].astype(np.int32),
+        )
+
+    def _solid_triangles(self, mesh: MeshArrays) -> np.ndarray:
+        if id(mesh) not in self._solid:
+            triangles = mesh.corner_vertex[mesh.triangle_corners]
+            self._solid[id(mesh)] = mesh, solid_triangles(mesh.positions, triangles)
+        return self._solid[id(mesh)][1]

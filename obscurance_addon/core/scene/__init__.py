@@ -1,0 +1,51 @@
+"""What a scene is to the method: surfaces that rays hit, patches that receive, and the cells that rays leave from.
+
+In go vertices, triangles and reflectances. Out come patches cut into cells, closed solids told from open sheets, the
+mean reflectance, and objects joined into one scene.
+"""
+
+from .corners import corner_cells, face_of_corner, smooth_fans
+from .filling import fill_invalid
+from .objects import SceneObject, join_objects, same_numbers
+from .patches import (
+    OFFSET,
+    Cells,
+    Normalisation,
+    Patches,
+    Surfaces,
+    as_triangles,
+    bounding_box,
+    join_cells,
+    prepare_cells,
+    triangle_areas,
+    usable_triangles,
+)
+from .reflectance import hidden_sums, mean_of_sums, mean_reflectance, surface_sums
+from .solids import connected_components, solid_triangles
+
+__all__ = [
+    "OFFSET",
+    "Cells",
+    "Normalisation",
+    "Patches",
+    "SceneObject",
+    "Surfaces",
+    "as_triangles",
+    "bounding_box",
+    "connected_components",
+    "corner_cells",
+    "face_of_corner",
+    "fill_invalid",
+    "hidden_sums",
+    "join_cells",
+    "join_objects",
+    "mean_of_sums",
+    "mean_reflectance",
+    "prepare_cells",
+    "same_numbers",
+    "smooth_fans",
+    "solid_triangles",
+    "surface_sums",
+    "triangle_areas",
+    "usable_triangles",
+]

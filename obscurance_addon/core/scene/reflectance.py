@@ -1,0 +1,59 @@
+"""The mean reflectance of a scene."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .patches import Surfaces, slices, triangle_areas
+
+
+def mean_reflectance(
+    surfaces: Surfaces, patch_area: np.ndarray, exposed: np.ndarray, patch_reflectance: np.ndarray | None
+) -> np.ndarray:
+    """R_ave = sum A_i R_i / A_total per channel, over all surfaces but the parts of patches hidden inside of solids.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+    patch_area : ndarray, (p,) float64
+        Square metres.
+    exposed : ndarray, (p,) float64
+        Share of each patch outside of solids, 0 .. 1.
+    patch_reflectance : ndarray, (p, 3) float, or None
+        None leaves nothing out.
+
+    Returns
+    -------
+    ndarray, (3,) float64
+        Rounded to float32, so that areas of a turned object, which differ in their last bits, leave R_ave as it is:
+        every patch of the scene depends on it.
+    """
+    sums = surface_sums(surfaces)
+    hidden = np.zeros(4)
+    if patch_reflectance is not None:
+        hidden = hidden_sums(patch_area, exposed, patch_reflectance)
+    return mean_of_sums(sums, hidden)
+
+
+def surface_sums(surfaces: Surfaces) -> np.ndarray:
+    """Sums of area, square metres, and of area times reflectance over all triangles, (4,) float64."""
+    triangles = surfaces.triangles
+    area = np.empty(len(triangles))
+    for part in slices(len(triangles)):
+        area[part] = triangle_areas(surfaces.vertices[triangles[part]])
+    area[~np.isfinite(area)] = 0.0
+    return np.append(area.sum(), area @ surfaces.reflectance.astype(np.float64))
+
+
+def hidden_sums(patch_area: np.ndarray, exposed: np.ndarray, patch_reflectance: np.ndarray) -> np.ndarray:
+    """Sums of area, and of area times reflectance, of what is hidden inside of solids, (4,) float64."""
+    hidden = patch_area * (1.0 - exposed)
+    return np.append(hidden.sum(), hidden @ patch_reflectance)
+
+
+def mean_of_sums(sums: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """R_ave (3,) from sums of area and of area times reflectance, each (4,) float64, of all and of what is hidden."""
+    if hidden[0] < (1.0 - 1e-9) * sums[0]:
+        sums = sums - hidden
+    mean = np.clip(sums[1:] / sums[0], 0.0, 1.0) if sums[0] > 0.0 else np.zeros(3)
+    return mean.astype(np.float32).astype(np.float64)

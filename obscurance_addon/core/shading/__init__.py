@@ -1,0 +1,35 @@
+"""What materials scatter and emit, as expressions over a mesh.
+
+In go expressions that were read from node trees, textures, and the UV maps and colours of a mesh. Out come
+reflectance and emission per face.
+"""
+
+from . import arithmetic
+from .arithmetic import lerp, luminance, mean, saturate, shares_removed
+from .expressions import BLACK, AttributeSample, Constant, Expression, ImageSample, UVProjection, apply
+from .shading import DEFAULT_REFLECTANCE, MAX_EMISSION, Shading, shade_faces
+from .surfaces import NO_TRIANGLES, SurfaceArrays
+from .textures import Texture
+
+__all__ = [
+    "BLACK",
+    "DEFAULT_REFLECTANCE",
+    "MAX_EMISSION",
+    "NO_TRIANGLES",
+    "AttributeSample",
+    "Constant",
+    "Expression",
+    "ImageSample",
+    "Shading",
+    "SurfaceArrays",
+    "Texture",
+    "UVProjection",
+    "apply",
+    "arithmetic",
+    "lerp",
+    "luminance",
+    "mean",
+    "saturate",
+    "shade_faces",
+    "shares_removed",
+]

@@ -1,0 +1,42 @@
+"""What rays meet; the only package that calls a ray tracer.
+
+In go surfaces, cells and samples. Out come first hits, or whether there is one, with doubled faces and solids taken
+care of.
+"""
+
+from .build import Held, boxes_in_reach, build_scene, scene_diagonal
+from .cache import IntersectorCache
+from .embree import EmbreeIntersector
+from .first_hits import meet_doubled_faces, pass_doubled_faces, shadowed, starts_inside
+from .intersector import MISS, Hits, Intersector
+from .layers import Layer, LayeredIntersector, nothing
+from .samples import BLOCK_RAYS, TABLE_ROWS, PatchSamples, scramble_of
+from .traced_scene import FAR, NEAR, TracedScene, limit_and_scale, needs_palette
+
+__all__ = [
+    "BLOCK_RAYS",
+    "FAR",
+    "MISS",
+    "NEAR",
+    "TABLE_ROWS",
+    "EmbreeIntersector",
+    "Held",
+    "Hits",
+    "Intersector",
+    "IntersectorCache",
+    "Layer",
+    "LayeredIntersector",
+    "PatchSamples",
+    "TracedScene",
+    "boxes_in_reach",
+    "build_scene",
+    "limit_and_scale",
+    "meet_doubled_faces",
+    "needs_palette",
+    "nothing",
+    "pass_doubled_faces",
+    "scene_diagonal",
+    "scramble_of",
+    "shadowed",
+    "starts_inside",
+]

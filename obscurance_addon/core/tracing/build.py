@@ -1,0 +1,106 @@
+"""From surfaces and patches to a scene that rays can be cast in: what float32 can trace, and the ray tracer over it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..monitor import Monitor
+from ..scene import Normalisation, Patches, Surfaces, bounding_box, usable_triangles
+from ..settings import BakeSettings
+from .embree import EmbreeIntersector
+from .intersector import Intersector
+from .traced_scene import TracedScene, prepare_scene
+
+
+@dataclass(frozen=True)
+class Held:
+    """What a bake derives from the scene as a whole, held fixed while parts of the scene change.
+
+    Attributes
+    ----------
+    normalisation : Normalisation
+    d_max : float
+        Reach of the rays in metres.
+    rays : ndarray, (p,) int, or None
+        Rays of each patch; None for those that the settings say.
+    """
+
+    normalisation: Normalisation
+    d_max: float
+    rays: np.ndarray | None = None
+
+
+def scene_diagonal(surfaces: Surfaces) -> float:
+    """Diagonal of the bounding box of all finite vertices, metres."""
+    low, high = bounding_box(surfaces.vertices)
+    return float(np.linalg.norm(high - low))
+
+
+def build_scene(
+    surfaces: Surfaces,
+    patches: Patches,
+    settings: BakeSettings,
+    monitor: Monitor | None = None,
+    intersector: Callable[..., Intersector] = EmbreeIntersector,
+    whole: bool = False,
+    held: Held | None = None,
+) -> tuple[TracedScene, Normalisation, float]:
+    """Keep what rays can reach and float32 can trace, and build the ray tracer over it.
+
+    Parameters as for `bake_obscurances`; `whole` keeps what is farther than d_max too.
+
+    Returns
+    -------
+    scene : TracedScene
+    normalisation : Normalisation
+    d_max : float
+        Metres.
+    """
+    monitor = monitor or Monitor()
+    if held is None:
+        held = Held(Normalisation.of(patches.corners), settings.max_distance(scene_diagonal(surfaces)))
+    normalisation, d_max = held.normalisation, held.d_max
+    kept = np.arange(len(surfaces.triangles)) if whole else _triangles_in_reach(surfaces, patches, d_max)
+    vertices = normalisation.apply(surfaces.vertices)
+    kept = kept[usable_triangles(vertices, surfaces.triangles[kept])]
+    reached = surfaces.only(kept, vertices)
+    monitor.phase("build", len(kept))
+    done = 0
+
+    def progress(count: int) -> None:
+        nonlocal done
+        monitor.advance(count - done)
+        done = count
+
+    finite = np.nan_to_num(vertices, nan=0.0, posinf=0.0, neginf=0.0)  # no triangle that is kept has the others
+    tracer = intersector(finite, reached.triangles, progress)
+    return prepare_scene(reached, patches, normalisation, tracer, settings, d_max), normalisation, d_max
+
+
+def _triangles_in_reach(surfaces: Surfaces, patches: Patches, d_max: float) -> np.ndarray:
+    """Indices of the triangles of objects whose bounding box comes within d_max of the patches.
+
+    Whole objects stay, so that the inside of a solid that is larger than d_max can still be told. Vertices of an object
+    stand together, so the range of their indices is enough to find its box.
+    """
+    low, high = bounding_box(patches.corners)
+    starts = np.r_[surfaces.object_starts, len(surfaces.triangles)]
+    in_reach = np.zeros(len(surfaces.triangles), bool)
+    for first, end in itertools.pairwise(starts):
+        used = surfaces.triangles[first:end]
+        if not len(used):
+            continue
+        box = bounding_box(surfaces.vertices[used.min() : used.max() + 1])
+        in_reach[first:end] = boxes_in_reach(box, (low, high), d_max)
+    return np.flatnonzero(in_reach)
+
+
+def boxes_in_reach(
+    boxes: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray], d_max: float
+) -> np.ndarray:
+    """Which boxes, lowest and highest corners (..., 3), come within d_max of the other box along every axis."""
+    return ((boxes[0] <= other[1] + d_max) & (boxes[1] >= other[0] - d_max)).all(-1)

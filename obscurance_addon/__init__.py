@@ -23,11 +23,11 @@ def register():
     global _cli_command
     import bpy
 
-    from . import batch
+    from .command_line import main
 
     for part in _parts():
         part.register()
-    _cli_command = bpy.utils.register_cli_command("obscurance", batch.main)
+    _cli_command = bpy.utils.register_cli_command("obscurance", main)
 
 
 def unregister():

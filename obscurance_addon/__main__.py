@@ -19,7 +19,7 @@ def _run() -> int:
     from .command_line import batch
 
     register()
-    return batch.main(arguments)
+    return main(arguments)
 
 
 if __name__ == "__main__":

@@ -4,5 +4,6 @@ In go arguments. Out come baked files, reports, and an exit status.
 """
 
 from .arguments import parse
+from .batch import main
 
-__all__ = ["parse"]
+__all__ = ["main", "parse"]

@@ -10,12 +10,12 @@ _cli_command = None
 
 def _parts():
     from .blender.animation import handlers
-    from .blender.properties import scene_settings as properties
-    from .blender.writing import records as baked_record
+    from .blender.properties import scene_settings
+    from .blender.writing import records
     from .ui import material_operators, operators, panels, preferences, presets, result_operators
 
     operator_parts = operators, result_operators, material_operators
-    return properties, baked_record, preferences, *operator_parts, presets, panels, handlers
+    return scene_settings, records, preferences, *operator_parts, presets, panels, handlers
 
 
 def register():

@@ -16,7 +16,7 @@ def _run() -> int:
         print(f"obscurance: the bpy module does not load ({error}): pip install bpy==4.5.15", file=sys.stderr)
         return 1
     from . import register
-    from .command_line import batch
+    from .command_line import main
 
     register()
     return main(arguments)

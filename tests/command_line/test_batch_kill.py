@@ -22,8 +22,8 @@ DRIVER = """
 import os, pathlib, signal, sys
 import bpy
 import obscurance_addon
-from obscurance_addon import batch
-from obscurance_addon.blender.bake_job import BakeJob
+from obscurance_addon.command_line import batch
+from obscurance_addon.blender.jobs.job import BakeJob
 
 def die(*_):
     os.kill(os.getpid(), signal.SIGKILL)

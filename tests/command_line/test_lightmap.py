@@ -310,7 +310,7 @@ DRIVER = """
 import os, signal, sys
 import bpy
 import obscurance_addon
-from obscurance_addon import batch
+from obscurance_addon.command_line import batch
 
 obscurance_addon.register()
 when, nth = sys.argv[1], int(sys.argv[2])

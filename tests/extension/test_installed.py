@@ -57,7 +57,7 @@ def test_it_bakes_in_a_new_process(installed, tmp_path):
 
     out, report = tmp_path / "baked.blend", tmp_path / "report.json"
     installed.run(
-        "enable()\nassert sys.modules[MODULE].batch.main(['bake', *sys.argv[1:]]) == 0",
+        "enable()\nassert sys.modules[MODULE].command_line.main(['bake', *sys.argv[1:]]) == 0",
         *(CORNELL, "--output", out, "--rays", 16, "--report", report),
     )
     version = tomllib.loads(MANIFEST.read_text())["version"]
@@ -180,7 +180,7 @@ def test_the_command_line_names_a_missing_ray_tracer(blender, zipped, tmp_path):
 import io, contextlib
 enable()
 with contextlib.redirect_stderr(io.StringIO()) as told:
-    assert sys.modules[MODULE].batch.main(["bake", sys.argv[1]]) == 1
+    assert sys.modules[MODULE].command_line.main(["bake", sys.argv[1]]) == 1
 assert "the ray tracer embreex is not installed" in told.getvalue(), told.getvalue()
 """,
         scene,

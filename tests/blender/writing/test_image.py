@@ -652,7 +652,7 @@ def test_an_image_that_cannot_be_loaded(was, packed, tmp_path, monkeypatch):
 KILLED = """
 import os, signal, sys
 import bpy, numpy as np
-from obscurance_addon.blender import lightmap_image
+from obscurance_addon.blender.writing import image as lightmap_image
 
 def die(*_):
     os.kill(os.getpid(), signal.SIGKILL)

@@ -8,25 +8,30 @@ import pytest
 
 from obscurance_addon import core
 
-MODULES = sorted(path.stem for path in Path(core.__file__).parent.glob("*.py") if path.stem != "__init__")
+ROOT = Path(core.__file__).parents[2]
+MODULES = sorted(
+    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    for path in Path(core.__file__).parent.rglob("*.py")
+    if "unwrap_worker" not in path.parts and path.stem != "__init__"
+)
 CHECK = """
 import sys
 for name in ("bpy", "mathutils", "bmesh", "bpy_extras", "scipy", "embreex", "xatlas"):
     sys.modules[name] = None
 import importlib
-importlib.import_module("obscurance_addon.core." + sys.argv[1])
+importlib.import_module(sys.argv[1])
 """
 
 
 def test_the_list_of_modules_is_not_empty():
-    assert {"bake", "obscurance", "embree", "solids"} <= set(MODULES)
+    assert "obscurance_addon.core.tracing.embree" in MODULES
+    assert len(MODULES) > 50
 
 
 @pytest.mark.parametrize("module", MODULES)
 def test_module_imports_without_blender_and_native_libraries(module):
     """embreex and xatlas load only when they are first used, so that their absence can be reported."""
-    root = Path(core.__file__).parents[2]
-    done = subprocess.run([sys.executable, "-c", CHECK, module], cwd=root, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", CHECK, module], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 

@@ -242,7 +242,7 @@ def test_the_cache_ceiling_rules_what_stays_in_memory(installed, ceiling):
     installed.run(
         """
 package = enable()
-tracers = package.blender.bake_job.TRACERS
+tracers = package.blender.jobs.job.TRACERS
 ceiling = int(sys.argv[2])
 bpy.context.preferences.addons[MODULE].preferences.cache_ceiling = ceiling
 built = []

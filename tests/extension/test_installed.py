@@ -92,13 +92,13 @@ def test_a_changed_file_is_taken_up(installed):
     installed.run(
         """
 package = enable()
-path = package.blender.output_settings.__file__
+path = package.core.order.output.__file__
 text = open(path).read()
 open(path, "w").write(text + "\\nADDED = 7\\n")
 os.utime(package.__file__)
 bpy.ops.preferences.addon_disable(module=MODULE)
 enable()
-assert sys.modules[MODULE].blender.output_settings.ADDED == 7
+assert sys.modules[MODULE].core.order.output.ADDED == 7
 """
     )
 

@@ -68,7 +68,7 @@ def _table_row(name: str, rays: int) -> dict:
 
 def _full_core() -> None:
     """A full bake of the arrays that the preview has, by the core alone; its error estimate included."""
-    bake = PREVIEW._updater._bake
+    bake = PREVIEW._updater._follower._following._bake
     joined = join_objects(bake.objects.values())
     bake_obscurances(
         joined.surfaces,

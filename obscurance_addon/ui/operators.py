@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import bpy
 
-from ..blender.jobs import BakeJob, BakeReport
+from ..blender.jobs import BakeJob
 from ..blender.properties import property_again
 from ..blender.reading import SOLID_TYPES, ObjectModeGuard
 from ..core.errors import ObscuranceError
 from ..core.native_library import why_missing
+from ..core.order import BakeReport
 
 _TICK_S = 0.05  # between looks at the job
 _POLL_S = 0.001  # what a look may wait
@@ -69,7 +70,7 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
             return self.execute(context)
         self._guard = ObjectModeGuard(context)
         try:
-            self._job = self._start(context)
+            self._job = self._start(context, in_child=True)
         except BaseException as error:
             return self._fail(context, error)
         OBSCURANCE_OT_bake._running = True
@@ -104,7 +105,7 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
     def cancel(self, context: bpy.types.Context) -> None:
         """Stop the job and leave the scene as it was; Blender also calls this when a file is loaded or it quits."""
         if self._job is not None:
-            self._job.cancel(wait=False)  # the threads end by themselves soon, and touch nothing of Blender's
+            self._job.cancel()
         self._finish(context)
 
     def draw(self, _context: bpy.types.Context) -> None:
@@ -122,7 +123,7 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
             }.get(name, True)
             row.prop(self, name)
 
-    def _start(self, context: bpy.types.Context) -> BakeJob:
+    def _start(self, context: bpy.types.Context, in_child: bool = False) -> BakeJob:
         group = context.scene.obscurance
         if self.properties.is_property_set("distance") and not self.properties.is_property_set("distance_mode"):
             self.distance_mode = "METRES"  # a script that gives a distance means it
@@ -141,6 +142,7 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
             group.to_output(scale=self.scale),
             group.to_light(quantity=self.quantity),
             group.to_lightmap(),
+            in_child,
         )
 
     def _fail(self, context: bpy.types.Context, error: BaseException) -> set[str]:

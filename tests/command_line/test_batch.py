@@ -456,11 +456,11 @@ def test_a_file_that_fails_does_not_stop_the_others(scene, tmp_path, make, capsy
 
 def test_an_unexpected_error_in_one_file_does_not_stop_the_others(scene, tmp_path, monkeypatch, capsys):
     """Out of memory, say: the next file may be smaller."""
-    from obscurance_addon.blender.jobs import attribute_bake
+    from obscurance_addon.core.order import bake_order
 
     other = tmp_path / "other.blend"
     other.write_bytes(scene.read_bytes())
-    bake, calls = attribute_bake.bake_obscurances, []
+    bake, calls = bake_order.bake_obscurances, []
 
     def fails_once(*arguments, **keywords):
         calls.append(1)
@@ -468,7 +468,7 @@ def test_an_unexpected_error_in_one_file_does_not_stop_the_others(scene, tmp_pat
             raise MemoryError("Unable to allocate 90 GiB")
         return bake(*arguments, **keywords)
 
-    monkeypatch.setattr(attribute_bake, "bake_obscurances", fails_once)
+    monkeypatch.setattr(bake_order, "bake_obscurances", fails_once)
     assert run(scene, other) == 1
     assert f"{scene}: " in capsys.readouterr().err
     assert FACE_LAYER not in load(scene)["Floor"].data.attributes

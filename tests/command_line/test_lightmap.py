@@ -51,7 +51,7 @@ def test_the_image_and_its_file_hold_the_result(image_format, packed, tmp_path):
     ob = asymmetric()
     path = "" if packed else str(tmp_path / "map")
     running = finished(ob, image_path=path, image_format=image_format)
-    expected, report = running._bake._result.pages[0], running.commit()
+    expected, report = running._run.result.pages[0], running.commit()
     image = bpy.data.images[report.lightmap.image]
     assert bool(image.packed_files) == packed
     check_values(linear(image), expected, ImageFormat(image_format))

@@ -1,15 +1,21 @@
 """The operator as a window drives it: its own methods, called with stand-ins for window, timer and events."""
 
+import os
+import signal
+import sys
+import threading
+import time
 from types import SimpleNamespace
 
 import bpy
+import numpy as np
 import pytest
 
-from obscurance_addon.blender.jobs.job import BakeJob
+from obscurance_addon.blender.jobs.job import CHILD, BakeJob
 from obscurance_addon.blender.reading.object_mode import ObjectModeGuard
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.ui.operators import OBSCURANCE_OT_bake
-from tests.blender.helpers import FACE_LAYER, file_state, select, sheet
+from tests.blender.helpers import FACE_LAYER, colors, file_state, select, sheet
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 TIMER, ESC, MOUSE = (SimpleNamespace(type=t, value="PRESS") for t in ("TIMER", "ESC", "MOUSEMOVE"))
@@ -39,10 +45,11 @@ class Running:
         self.reports: list[tuple[str, str]] = []
         settings = bpy.context.scene.obscurance
         self._guard = ObjectModeGuard(bpy.context)
-        self._job = BakeJob(bpy.context, bpy.context.selected_objects, BakeSettings(rays=rays), settings.to_output())
+        self._job = BakeJob(
+            bpy.context, bpy.context.selected_objects, BakeSettings(rays=rays), settings.to_output(), in_child=True
+        )
         self._timer = object()
         self.window.timers, self.window.progress = 1, True
-        self.thread = self._job._thread
         OBSCURANCE_OT_bake._running = True
 
     def report(self, kind: set[str], text: str) -> None:
@@ -73,7 +80,7 @@ def test_it_finishes_after_the_last_ray(floor):
     answers = {running.handle(MOUSE)}
     while (answer := running.handle(TIMER)) == "PASS_THROUGH":
         answers.add(answer)
-        running.thread.join(0.01)
+        time.sleep(0.01)
     assert (answers, answer) == ({"PASS_THROUGH"}, "FINISHED")
     assert FACE_LAYER in floor.data.attributes
     assert running.taken_down()
@@ -90,7 +97,7 @@ def test_progress_and_time_left_are_shown(floor):
     assert "s left" in running.window.text
     assert "Esc" in running.window.text
     running.handle(ESC)
-    running.thread.join()
+    assert not own_threads()
 
 
 def test_esc_leaves_everything_as_it_was(floor):
@@ -100,8 +107,7 @@ def test_esc_leaves_everything_as_it_was(floor):
     running = Running(rays=1 << 22)
     assert running.handle(TIMER) == "PASS_THROUGH"
     assert running.handle(ESC) == "CANCELLED"
-    running.thread.join(10.0)
-    assert not running.thread.is_alive()
+    assert not own_threads()
     assert running.taken_down()
     assert floor.mode == "EDIT"
     assert file_state() == before
@@ -112,7 +118,7 @@ def test_an_error_is_reported_and_everything_taken_down(floor):
     running = Running(rays=16)
     bpy.data.objects.remove(floor)
     while (answer := running.handle(TIMER)) == "PASS_THROUGH":
-        running.thread.join(0.01)
+        time.sleep(0.01)
     assert answer == "CANCELLED"
     assert running.taken_down()
     assert [kind for kind, text in running.reports if "'Floor' was deleted" in text] == ["ERROR"]
@@ -121,7 +127,8 @@ def test_an_error_is_reported_and_everything_taken_down(floor):
 def test_edit_mode_entered_meanwhile_does_not_lose_the_bake(floor):
     """The mode is left for the moment of writing only."""
     running = Running(rays=16)
-    running.thread.join()
+    while not running._job.step(0.1):
+        continue
     bpy.ops.object.mode_set(mode="EDIT")
     assert running.handle(TIMER) == "FINISHED"
     assert floor.mode == "EDIT"
@@ -134,5 +141,60 @@ def test_a_second_bake_cannot_begin(floor):
     running = Running(rays=1 << 22)
     assert not bpy.ops.obscurance.bake.poll()
     running.handle(ESC)
-    running.thread.join()
+    assert not own_threads()
     assert bpy.ops.obscurance.bake.poll()
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6])
+def test_a_child_that_is_killed_is_an_error_message(floor, seconds):
+    """At any moment of its life; nothing is written, and the next bake works."""
+    before = file_state()
+    running = Running(rays=1 << 22)
+    assert running.handle(TIMER) == "PASS_THROUGH"
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        assert running.handle(TIMER) == "PASS_THROUGH"
+    answered = CHILD._child.answered
+    os.kill(CHILD._child.pid, signal.SIGKILL)
+    if not answered:  # as where the system ends it at once: the bake goes on by turns
+        running.handle(ESC)
+        CHILD._cannot_start = False
+    else:
+        while (answer := running.handle(TIMER)) == "PASS_THROUGH":
+            continue
+        assert answer == "CANCELLED"
+        (told,) = [text for kind, text in running.reports if kind == "ERROR"]
+        assert "signal 9" in told
+    assert running.taken_down()
+    assert file_state() == before
+    running = Running(rays=16)
+    while (answer := running.handle(TIMER)) == "PASS_THROUGH":
+        assert not own_threads()
+    assert answer == "FINISHED"
+
+
+@pytest.mark.parametrize("how", ["not found", "ends at once"])
+def test_without_a_child_the_bake_runs_by_turns(floor, how, monkeypatch, tmp_path):
+    """With the values of any other bake, and a note that says so."""
+    executable = tmp_path / "python"
+    if how == "ends at once":
+        executable.write_text("#!/bin/sh\nexit 1\n")
+        executable.chmod(0o755)
+    CHILD.end()
+    bpy.context.view_layer.update()
+    BakeJob(bpy.context, [floor], BakeSettings(rays=16), bpy.context.scene.obscurance.to_output()).run()
+    expected = colors(floor)
+    monkeypatch.setattr(sys, "executable", str(executable))
+    monkeypatch.setattr(CHILD, "_cannot_start", False)
+    running = Running(rays=16)
+    while (answer := running.handle(TIMER)) == "PASS_THROUGH":
+        continue
+    assert answer == "FINISHED"
+    assert not own_threads()
+    assert len([text for kind, text in running.reports if kind == "WARNING" and "own process" in text]) == 1
+    np.testing.assert_array_equal(colors(floor), expected)
+
+
+def own_threads():
+    """Threads of a bake that there are now."""
+    return [thread for thread in threading.enumerate() if thread.name.startswith(("obscurance", "ThreadPool"))]

@@ -1,9 +1,10 @@
 """Keeps the values of some objects equal to those of a full bake while the scene changes.
 
     updater = FrameUpdater(context, objects, settings, output, ceiling_bytes)
-    updater.compute()                         # the full bake; any thread
-    updater.write()
-    report = updater.update(context)          # after every change
+    updater.start()                                       # the full bake
+    report = updater.update(context, depsgraph)           # after every change
+
+In a window, `begin` starts the full bake in a child process, and `take` takes it over once its run is done.
 
 What a full bake derives from the whole scene (recentring, the automatic distance) stays as it was at the start.
 """
@@ -12,26 +13,36 @@ from __future__ import annotations
 
 import time
 from collections.abc import Hashable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ...core.errors import ObscuranceError
-from ...core.monitor import Monitor
-from ...core.order import BakedObject, MeshArrays, ObjectArrays, OutputSettings, Scale, Target
-from ...core.scene import SceneObject
+from ...core.light import Quantity
+from ...core.order import (
+    BakedObject,
+    Followed,
+    Follower,
+    FollowOrder,
+    JobMonitor,
+    MeshArrays,
+    OutputSettings,
+    Run,
+    Target,
+    make_follower,
+)
 from ...core.settings import BakeSettings
 from ...core.tracing import Held
-from ...core.updates import IncrementalBake, ListBake, UpdateMode
+from ...core.updates import UpdateMode
 from ..jobs import check_destination, writable_objects
 from ..reading import snapshot_scene
 from ..writing import refresh_values, write_values
 from .followed_objects import likely_movers
-from .scene_changes import Change, NotUpdatableError, SceneChanges
+from .scene_changes import NotUpdatableError, SceneChanges
 
 STORED = "OBSCURANCE"
-_BAKES = {UpdateMode.EXACT: IncrementalBake, UpdateMode.LIST: ListBake}
+_LOOK_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -78,6 +89,8 @@ class FrameUpdater:
     ceiling_bytes : int
         Memory for cached hits at most.
     mode : UpdateMode
+    in_child : bool
+        Have a child process compute, as in windows.
 
     Attributes
     ----------
@@ -100,6 +113,7 @@ class FrameUpdater:
         output: OutputSettings,
         ceiling_bytes: int,
         mode: UpdateMode = UpdateMode.EXACT,
+        in_child: bool = False,
     ) -> None:
         if output.target is Target.LIGHTMAP:
             raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
@@ -109,7 +123,9 @@ class FrameUpdater:
         check_destination(writable, output, None)
         self.wanted = {ob.session_uid for ob in writable}
         self._held: Held | None = None
-        self._bake: IncrementalBake | None = None
+        self._in_child = in_child
+        self._follower: Follower | None = None
+        self._last: Followed | None = None
         self._movers: set[Hashable] = set()
         self._untied: dict[Hashable, MeshArrays] = {}
         self._read_all(context)
@@ -125,34 +141,44 @@ class FrameUpdater:
         self.changes = SceneChanges(snapshot, self.wanted, layers, self._untied)
         self._movers |= likely_movers(context) & self.changes.known.keys()
 
-    def compute(self, monitor: Monitor | None = None) -> None:
-        """The full bake of what was read; any thread, without bpy."""
-        self._objects = ObjectArrays(self._output.target)
-        self._elements: dict[Hashable, np.ndarray] = {}
-        objects = {key: self._object(key, change) for key, change in self.changes.known.items()}
-        self._bake = _BAKES[self._mode](
-            objects,
-            self._settings,
-            movers=self._movers,
-            ceiling_bytes=self._ceiling,
-            held=self._held,
-            monitor=monitor,
+    def begin(self) -> Run:
+        """Start the full bake of what was read."""
+        if self._follower is None:
+            self._follower = make_follower(self._in_child)
+        order = FollowOrder(
+            self.changes.known, self._settings, self._output, self._movers, self._ceiling, self._mode, self._held
         )
-        self._held = replace(self._bake.held, rays=None)  # their number is found anew with the patches
+        return self._follower.begin(order, JobMonitor(Quantity.OBSCURANCE))
 
-    def write(self) -> None:
-        """Write all values, for the first time; main thread."""
+    def take(self, run: Run) -> None:
+        """Write the values of a full bake that is done; main thread."""
+        self._take(run)
         baked = self._baked()
         values = [self._values(key) for key in baked]
         write_values(list(baked.values()), values, self._output, STORED)
 
+    def _take(self, run: Run) -> None:
+        self.notes = list(dict.fromkeys([*self.notes, *run.notes]))
+        self._last, self._held = run.result, run.result.held
+
+    def _compute(self) -> Run:
+        run = self.begin()
+        while not run.step(_LOOK_S):
+            continue
+        return run
+
+    def end(self) -> None:
+        """Let go of everything that is not the scene's."""
+        if self._follower is not None:
+            self._follower.end()
+        self._follower = None
+
     def start(self) -> FrameReport:
         """The full bake, written at once; main thread."""
         began = time.perf_counter()
-        self.compute()
-        self.write()
+        self.take(self._compute())
         names = [baked.snapshot.name for baked in self._baked().values()]
-        first = self._bake.last
+        first = self._last.update
         return FrameReport(
             first.patches, first.patches, first.rays, 0, time.perf_counter() - began, "the first frame", names
         )
@@ -181,20 +207,18 @@ class FrameUpdater:
             changed = self.changes.find(context, depsgraph)
         except NotUpdatableError as error:
             self._read_all(context)
-            self.compute()
-            changed, update, full, rewrite = {}, self._bake.last, str(error), True
+            self._take(self._compute())
+            changed, full, rewrite = {}, str(error), True
         else:
-            update = self._bake.update({key: change and self._object(key, change) for key, change in changed.items()})
-            full = update.reason or ""
-            for key in self._elements.keys() - self.changes.known.keys():
-                del self._elements[key]
-            self._objects.keep(change.snapshot.mesh for change in self.changes.known.values())
+            self._last = self._follower.update(self.changes.known, changed, rewrite)
+            full = self._last.update.reason or ""
+        update = self._last.update
         baked = self._baked()
         chosen = set(baked) if rewrite else (update.keys | changed.keys()) & baked.keys()
         written = refresh_values(baked, chosen, self._values, self._output, STORED)
         return FrameReport(
             patches=update.patches,
-            all_patches=self._bake.patches,
+            all_patches=self._last.patches,
             rays=update.rays,
             cached_rays=update.cached,
             seconds=time.perf_counter() - began,
@@ -205,13 +229,7 @@ class FrameUpdater:
     @property
     def cache_is_full(self) -> bool:
         """Whether there was no room to cache the hits of some rays."""
-        return self._bake.last.cache_is_full
-
-    def _object(self, key: Hashable, change: Change) -> SceneObject:
-        if change.baked is None:
-            return self._objects.occluder(change.snapshot)
-        found, self._elements[key] = self._objects.baked(change.baked)
-        return found
+        return self._last.update.cache_is_full
 
     def _baked(self) -> dict[Hashable, BakedObject]:
         known = self.changes.known
@@ -219,6 +237,5 @@ class FrameUpdater:
 
     def _values(self, key: Hashable) -> np.ndarray:
         """What to write on an object, (n, 3) float64."""
-        is_white = self._output.scale is Scale.WHITE
-        colours = self._bake.white(key) if is_white else self._bake.values(key).coloured
-        return colours[self._elements[key]]
+        values = self._last.values.get(key)
+        return self._follower.values(key) if values is None else values

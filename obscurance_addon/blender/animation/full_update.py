@@ -29,7 +29,9 @@ class FullUpdater:
         settings: BakeSettings,
         output: OutputSettings,
         light: LightSettings,
+        in_child: bool = False,
     ) -> None:
+        self._in_child = in_child
         self.wanted = {ob.session_uid for ob in objects}
         self._settings, self._output, self._light = settings, output, light
         self._changes: SceneChanges | None = None
@@ -46,7 +48,7 @@ class FullUpdater:
         if not (self._is_changed or rewrite or self._finds_changes(context, depsgraph)):
             return NOTHING_DONE
         objects = [ob for ob in context.view_layer.objects if ob.session_uid in self.wanted]
-        job = BakeJob(context, objects, self._settings, self._output, self._light)
+        job = BakeJob(context, objects, self._settings, self._output, self._light, in_child=self._in_child)
         layers = [name for name, _domain in self._output.layers()]
         self._changes = SceneChanges(job.snapshot, self.wanted, layers, self._untied)
         report = job.run()
@@ -63,6 +65,9 @@ class FullUpdater:
             full=f"{self._light.quantity.value.lower()} light reaches the whole scene",
             objects=report.objects,
         )
+
+    def end(self) -> None:
+        """There is nothing to let go of."""
 
     def note(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Remember whether anything changed but the meshes on which values were written; these are compared later."""

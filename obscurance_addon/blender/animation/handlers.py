@@ -6,7 +6,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..display import forget_views
-from ..jobs import TRACERS
+from ..jobs import CHILD, TRACERS
 from ..stored_preferences import stored_preferences
 from .live_preview import PREVIEW
 
@@ -15,6 +15,7 @@ from .live_preview import PREVIEW
 def on_load(_path: str, _unused: object = None) -> None:
     """Forget what belonged to the other file; a new file starts with the user's defaults."""
     TRACERS.clear()
+    CHILD.forget()
     forget_views()
     PREVIEW.stop()
     PREVIEW.on_change(bpy.context.scene, None)
@@ -69,5 +70,6 @@ def unregister() -> None:
         if handler in handlers:
             handlers.remove(handler)
     TRACERS.clear()
+    CHILD.end()
     forget_views()
     PREVIEW.stop()

@@ -1,8 +1,8 @@
 """Live Preview: keeps what is baked equal to the scene while it plays, is scrubbed, edited or rendered.
 
-In a window the first bake runs in a thread of its own and edits are followed once they settle; in the background and in
-renders, where there are no timers, everything happens within the frame change. Nothing of Blender's is kept but names
-and session uids, so that undo, deletion and loading cannot leave a reference behind.
+In a window a child process computes; the first bake is not waited for, and edits are followed once they settle. In the
+background and in renders, where there are no timers, everything happens within the frame change. Nothing of Blender's
+is kept but names and session uids, so that undo, deletion and loading cannot leave a reference behind.
 """
 
 from __future__ import annotations
@@ -14,14 +14,13 @@ import bpy
 
 from ...core.errors import ObscuranceError
 from ...core.light import LightSettings
-from ...core.order import OutputSettings, Target
+from ...core.order import OutputSettings, Run, Target
 from ...core.settings import BakeSettings
 from ...core.updates import UpdateMode
 from ..jobs import commit_count, is_baking
 from ..stored_preferences import ADDON
 from . import status_line
 from .cache_playback import CachePlayback
-from .first_bake import FirstBake
 from .followed_objects import preview_objects
 from .frame_update import FrameReport, FrameUpdater
 from .full_update import FullUpdater
@@ -44,12 +43,20 @@ class LivePreview:
 
     def __init__(self) -> None:
         self.status = ""
+        self._updater: FrameUpdater | FullUpdater | None = None
+        self._starting: tuple[FrameUpdater, Run] | None = None  # a first bake that is not done
+        self._asked: tuple | None = None  # what the updater was made for
         self._forget()
 
+    def _let_go(self) -> None:
+        """End what follows the scene, or begins to."""
+        for updater in (self._updater, self._starting and self._starting[0]):
+            if updater is not None:
+                updater.end()
+        self._updater = self._starting = self._asked = None
+
     def _forget(self) -> None:
-        self._updater: FrameUpdater | FullUpdater | None = None
-        self._asked: tuple | None = None  # what the updater was made for
-        self._starting: FirstBake | None = None
+        self._let_go()
         self._playback = CachePlayback(self._tell_once)
         self._seen: tuple[int, int] | None = None
         self._followed: set[int] = set()
@@ -61,8 +68,6 @@ class LivePreview:
 
     def stop(self) -> None:
         """Let go of everything; the values stay as they are."""
-        if self._starting is not None:
-            self._starting.cancel()
         self._forget()
         self.status = ""
         status_line.clear()
@@ -133,7 +138,7 @@ class LivePreview:
         else:
             self._busy = True
             try:
-                self._start(scene, in_thread=True)
+                self._start(scene, waits=False)
             finally:
                 self._busy = False
                 self._commits = commit_count()
@@ -159,7 +164,7 @@ class LivePreview:
                 if is_render or isinstance(self._updater, FrameUpdater):
                     self._distrust_updater()
             if not self._is_current(scene) or self._has_new_objects(scene):
-                self._start(scene, in_thread=False)
+                self._start(scene, waits=True)
             else:
                 self._tell(self._updater.update(bpy.context, depsgraph, rewrite=self._rewrite))
             self._rewrite = False
@@ -173,30 +178,30 @@ class LivePreview:
             self._commits = commit_count()
             status_line.redraw_panels()
 
-    def _start(self, scene: bpy.types.Scene, in_thread: bool) -> None:
+    def _start(self, scene: bpy.types.Scene, waits: bool) -> None:
         """The full bake from which everything is followed."""
         asked = settings, output, light, mode, memory, _where = _asked_of(scene)
-        self._updater, self._asked = None, None
-        if self._starting is not None:
-            self._starting.cancel(wait=False)
-            self._starting = None
+        self._let_go()
+        in_child, updater = not bpy.app.background, None
         try:
             if output.target is Target.LIGHTMAP:
                 raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
             objects = preview_objects(bpy.context, output.attribute_name)
             if light.needs_light:
-                updater = FullUpdater(objects, settings, output, light)
+                updater = FullUpdater(objects, settings, output, light, in_child)
                 self._tell_once(f"{updater.update(bpy.context).full}: everything is baked anew at every change")
             else:
-                updater = FrameUpdater(bpy.context, objects, settings, output, memory * (1 << 20), mode)
-                if in_thread:
+                updater = FrameUpdater(bpy.context, objects, settings, output, memory * (1 << 20), mode, in_child)
+                if not waits:
                     self.status = "Baking once..."
-                    self._starting = FirstBake(updater)
+                    self._starting = updater, updater.begin()
                     self._asked = asked
                     bpy.app.timers.register(_poll, first_interval=_POLL_S)
                     return
                 updater.start()
         except ObscuranceError as error:
+            if updater is not None:
+                updater.end()
             self._give_up(error)
             return
         self._asked = asked
@@ -212,24 +217,25 @@ class LivePreview:
         self.status = "Following the scene"
 
     def poll(self) -> float | None:
-        """Timer: take over the first bake once its thread is done."""
-        start = self._starting
-        if start is None:
+        """Timer: take over the first bake once it is done."""
+        if self._starting is None:
             return None
-        if start.is_alive():
-            self.status = f"Baking once: {start.progress:.0%}"
-            status_line.redraw_panels()
-            return _POLL_S
-        if is_baking() or self._busy or bpy.app.is_job_running("RENDER") or _in_edit_mode():
-            return _BUSY_S
-        self._starting = None
+        updater, run = self._starting
         try:
-            start.check()
-            start.updater.write()
+            if not run.step(0.0):
+                self.status = f"Baking once: {run.progress:.0%}"
+                status_line.redraw_panels()
+                return _POLL_S
+            if is_baking() or self._busy or bpy.app.is_job_running("RENDER") or _in_edit_mode():
+                return _BUSY_S
+            updater.take(run)
         except ObscuranceError as error:
             self._give_up(error)
             return None
-        self._follow(bpy.context.scene, start.updater)
+        self._starting = None
+        for note in run.notes:
+            self._tell_once(note)
+        self._follow(bpy.context.scene, updater)
         self.on_change(bpy.context.scene, None)  # what happened meanwhile
         status_line.redraw_panels()
         return None
@@ -271,7 +277,7 @@ class LivePreview:
 
     def _give_up(self, error: ObscuranceError) -> None:
         """Say why there is no preview; it is tried again at the next change."""
-        self._updater = self._asked = self._starting = None
+        self._let_go()
         self.status = str(error)
         self._tell_once(str(error))
 

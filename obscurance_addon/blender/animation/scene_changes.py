@@ -7,13 +7,13 @@ compared, since Cycles without persistent data reports all there is at every fra
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import bpy
 import numpy as np
 
 from ...core.errors import ObscuranceError
-from ...core.order import BakedObject, MeshArrays, ObjectSnapshot, SceneSnapshot, shade
+from ...core.order import BakedObject, Change, MeshArrays, ObjectSnapshot, SceneSnapshot, shade
 from ...core.scene import same_numbers
 from ..reading import SceneReader, instance_key, keeps_links, materials_of, read_mesh, same_faces
 
@@ -23,14 +23,6 @@ _LOOKS = (bpy.types.Material, bpy.types.NodeTree, bpy.types.Image, bpy.types.Tex
 
 class NotUpdatableError(ObscuranceError):
     """A change that only a full bake can follow; the message says which."""
-
-
-@dataclass(frozen=True)
-class Change:
-    """An object as it is now; `baked` is None for objects that only occlude."""
-
-    snapshot: ObjectSnapshot
-    baked: BakedObject | None
 
 
 class SceneChanges:

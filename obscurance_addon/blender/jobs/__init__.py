@@ -3,14 +3,12 @@
 In go a context, objects and settings. Out come written results, and a report.
 """
 
-from .job import TRACERS, BakeJob, BakeReport, check_destination, commit_count, is_baking, writable_objects
-from .monitor import JobMonitor
+from .job import CHILD, TRACERS, BakeJob, check_destination, commit_count, is_baking, writable_objects
 
 __all__ = [
+    "CHILD",
     "TRACERS",
     "BakeJob",
-    "BakeReport",
-    "JobMonitor",
     "check_destination",
     "commit_count",
     "is_baking",

@@ -5,13 +5,12 @@
         show(job.progress, job.remaining)
     report = job.commit()
 
-The constructor reads the scene, a thread of its own computes, `commit` writes. Until then nothing of the user's
-changes.
+The constructor reads the scene into a work order, `step` has it carried out, `commit` writes. Until then nothing of the
+user's changes.
 """
 
 from __future__ import annotations
 
-import threading
 import time
 import weakref
 from collections.abc import Callable, Iterable
@@ -19,23 +18,28 @@ from dataclasses import replace
 
 import bpy
 
-from ...core.errors import GeometryError, ObscuranceError, SettingsError
+from ...core.errors import BakeCancelledError, ObscuranceError, SettingsError
 from ...core.light import LightSettings, Quantity
 from ...core.lightmap import LightmapSettings, UvMode
-from ...core.order import OutputSettings, Target
+from ...core.order import (
+    BakeOrder,
+    BakeReport,
+    BakeResult,
+    JobMonitor,
+    KeptChild,
+    OutputSettings,
+    Run,
+    Target,
+    ThreadRun,
+)
 from ...core.settings import BakeSettings
 from ...core.tracing import IntersectorCache
 from ..reading import snapshot_scene
 from ..stored_preferences import cache_ceiling_bytes
-from ..writing import check_path, color_attribute, uv_layer
-from .attribute_bake import AttributeBake
-from .lightmap_bake import LightmapBake
-from .monitor import JobMonitor
-from .report import BakeReport
-
-_NAMES_IN_ERRORS = 8
+from ..writing import check_path, color_attribute, records, uv_layer, write_lightmap, write_values
 
 TRACERS = IntersectorCache()  # while a user tries settings, the geometry stays
+CHILD = KeptChild()  # of all windows: one bake runs at a time
 _OPEN: weakref.WeakSet[BakeJob] = weakref.WeakSet()  # jobs that still may write
 _committed = 0
 
@@ -65,6 +69,9 @@ class BakeJob:
         Obscurances by default.
     lightmap : LightmapSettings, optional
         For target LIGHTMAP.
+    in_child : bool
+        Have a child process carry it out, so that a window answers meanwhile; else a thread of this process does while
+        `step` waits.
 
     Raises
     ------
@@ -80,6 +87,7 @@ class BakeJob:
         output: OutputSettings,
         light: LightSettings | None = None,
         lightmap: LightmapSettings | None = None,
+        in_child: bool = False,
     ) -> None:
         began = time.perf_counter()
         light = light or LightSettings()
@@ -100,46 +108,38 @@ class BakeJob:
         )
         self._metres_per_unit = context.scene.unit_settings.scale_length
         self._warnings += snapshot.notes
-        if lightmap is None:
-            self._bake = AttributeBake(snapshot, settings, light, output)
-        else:
-            self._bake = LightmapBake(snapshot, settings, light, output, lightmap, self._metres_per_unit)
+        self.order = BakeOrder(snapshot, settings, light, output, lightmap, self._metres_per_unit)
         self._extract_seconds = time.perf_counter() - began
-        self._monitor = JobMonitor(light.quantity, to_lightmap)
-        TRACERS.ceiling_bytes = cache_ceiling_bytes()
-        self._done = False
+        self._in_child = in_child
+        self._run: Run | None = None
         self.is_open = True
         _OPEN.add(self)
-        self._error: BaseException | None = None
-        self._thread = threading.Thread(target=self._compute, name="obscurance-bake", daemon=True)
-        self._thread.start()
 
-    def _compute(self) -> None:
-        """Everything between reading and writing, without bpy; runs in its own thread."""
-        try:
-            self._bake.compute(self._monitor, TRACERS)
-            self._done = True
-        except GeometryError as error:
-            names = ", ".join(f"'{baked.snapshot.name}'" for baked in self.snapshot.baked[:_NAMES_IN_ERRORS])
-            self._error = GeometryError(f"{names}: {error}")
-        except BaseException as error:  # handed to the thread that steps the job
-            self._error = error
+    def _start(self) -> None:
+        TRACERS.ceiling_bytes = ceiling = cache_ceiling_bytes()
+        monitor = JobMonitor(self.order.light.quantity, self.order.lightmap is not None)
+        if self._in_child:
+            self._run = CHILD.run(self.order, monitor, TRACERS, ceiling)
+        else:
+            self._run = ThreadRun(self.order, monitor, TRACERS)
 
     def step(self, budget_s: float) -> bool:
-        """Wait for at most `budget_s` seconds; True once the result is ready to commit.
+        """Work, or wait, for at most `budget_s` seconds; True once the result is ready to commit.
 
         Raises
         ------
         ObscuranceError
             What stopped the bake; `BakeCancelledError` after `cancel`.
         """
-        self._thread.join(budget_s)
-        if self._thread.is_alive():
-            return False
-        if self._error is not None:
+        try:
+            if self._run is None and not self.is_open:
+                raise BakeCancelledError("cancelled")
+            if self._run is None:
+                self._start()
+            return self._run.step(budget_s)
+        except BaseException:
             self.is_open = False
-            raise self._error
-        return True
+            raise
 
     def run(self, on_step: Callable[[BakeJob], None] | None = None) -> BakeReport:
         """Step to the end and commit, for callers that may block; `on_step` is called several times a second."""
@@ -155,19 +155,18 @@ class BakeJob:
     @property
     def progress(self) -> float:
         """Share of the work done, 0 .. 1."""
-        return 1.0 if self._done else self._monitor.progress
+        return 0.0 if self._run is None else self._run.progress
 
     @property
     def remaining(self) -> float | None:
         """Estimated seconds left, None while there is nothing to estimate from."""
-        return self._monitor.remaining
+        return None if self._run is None else self._run.remaining
 
-    def cancel(self, wait: bool = True) -> None:
-        """Stop computing; nothing has been written. Waits for the threads to end, unless told not to."""
+    def cancel(self) -> None:
+        """Stop computing; nothing has been written, and nothing of the bake goes on."""
         self.is_open = False
-        self._monitor.cancelled.set()
-        if wait:
-            self._thread.join()
+        if self._run is not None:
+            self._run.cancel()
 
     def commit(self) -> BakeReport:
         """Write the result into the scene, whole or not at all; main thread, after `step` returned True.
@@ -181,7 +180,7 @@ class BakeJob:
         """
         global _committed
         try:
-            report = self._bake.write()
+            report = self._write(self._run.result)
             _committed += 1
         finally:
             self.is_open = False
@@ -189,7 +188,25 @@ class BakeJob:
             report,
             seconds={**report.seconds, "extract": report.seconds["extract"] + self._extract_seconds},
             d_max=report.d_max * self._metres_per_unit,
-            warnings=self._warnings + report.warnings,
+            warnings=self._warnings + self._run.notes + report.warnings,
+        )
+
+    def _write(self, result: BakeResult) -> BakeReport:
+        """Write the result, and tell what writing adds to its report."""
+        began, order, report = time.perf_counter(), self.order, result.report
+        stored, baked = records.what_is_stored(order.light), self.snapshot.baked
+        lightmap = None
+        if order.lightmap is None:
+            notes = write_values(baked, result.values, order.output, stored)
+        else:
+            written = write_lightmap(baked, result.pages, result.uv, order.output, stored)
+            notes = written.notes
+            lightmap = replace(report.lightmap, image=written.image, files=written.files)
+        return replace(
+            report,
+            seconds={**report.seconds, "write": time.perf_counter() - began},
+            lightmap=lightmap,
+            warnings=report.warnings + notes,
         )
 
 

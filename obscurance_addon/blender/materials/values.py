@@ -67,8 +67,11 @@ def _math(reader: Reader, output: Output) -> Expression:
     node = output.node
     if node.operation not in arithmetic.MATH:
         raise UnreadableNodeError(f"operation {node.operation} of {output.label} is not understood")
-    count, function = arithmetic.MATH[node.operation]
-    result = apply(function, *reader.values(output, *("Value", "Value_001", "Value_002")[:count]))
+    count, _function = arithmetic.MATH[node.operation]
+    result = apply(
+        partial(arithmetic.calculate, node.operation),
+        *reader.values(output, *("Value", "Value_001", "Value_002")[:count]),
+    )
     return apply(arithmetic.saturate, result) if node.use_clamp else result
 
 

@@ -1,27 +1,22 @@
 """Lays the faces of meshes side by side on square pages, for a texture that holds light.
 
-A child process does the work (`core.unwrap_worker`), for xatlas stops the whole interpreter while it runs and may crash
+A child process does the work (`unwrap_worker`), for xatlas stops the whole interpreter while it runs and may crash
 or hang on a broken mesh.
 """
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import tempfile
-import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from ..errors import BackendError, GeometryError
 from ..native_library import why_missing
+from ..process import ChildEndedError, ChildProcess
 
-WORKER = Path(__file__).with_name("unwrap_worker")  # a folder that Python runs, never a package
+SERVER = "lightmap.unwrap_worker.serve"  # module of the core that the child process runs
 MOST_PAGES = 100  # UDIM tiles go by tens, and a bake of more than this would fill any memory
 FARTHEST = 1.0e15  # metres; xatlas hangs on coordinates near 1e20, and nothing real is as far as this
 ROUNDING = 4.0 * np.finfo(float).eps  # of a coordinate; what is no wider may be rounding alone
@@ -174,84 +169,56 @@ class _Child:
         for number, (mesh, kept) in enumerate(meshes):
             self.data |= _job(mesh, kept, number)
         self.done = np.concatenate([[0.0], np.cumsum(triangles) / triangles.sum()])
-        self.lines, self.mesh, self.packing = [], None, False
+        self.mesh, self.packing = None, False
 
     def run(self) -> dict[str, np.ndarray]:
         """The arrays it found; raises as `unwrap` does."""
-        with tempfile.TemporaryDirectory(prefix="obscurance-") as folder:
-            np.savez(Path(folder, "job.npz"), **self.data)
-            with open(Path(folder, "errors.txt"), "w+b") as errors:
-                self._wait(self._start(folder, errors))
-                errors.seek(0)
-                said = errors.read().decode(errors="replace").strip().splitlines()
-            self._raise_answer()
-            if self.code or not Path(folder, "result.npz").exists():
-                raise self._failed(f"failed ({self._reason(said)})")
-            with np.load(Path(folder, "result.npz"), allow_pickle=False) as file:
-                return dict(file)
-
-    def _start(self, folder: str, errors: object) -> subprocess.Popen:
         try:
-            return subprocess.Popen(
-                [sys.executable, str(WORKER), folder, str(os.getpid())],
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=errors,
-                text=True,
-                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-            )
-        except OSError as error:
-            raise BackendError(f"the unwrapper does not start ({error}); keep existing UV maps instead") from error
-
-    def _wait(self, process: subprocess.Popen) -> None:
-        reader = threading.Thread(target=lambda: self.lines.extend(iter(process.stdout.readline, "")), daemon=True)
-        reader.start()
-        heard, since = 0, time.monotonic()
+            child = ChildProcess(SERVER)
+        except ChildEndedError as error:
+            raise BackendError(f"the unwrapper does not start: {error}; keep existing UV maps instead") from error
         try:
-            while process.poll() is None:
-                self.check()
-                time.sleep(POLL)
-                while heard < len(self.lines):
-                    self._hear(self.lines[heard])
-                    heard, since = heard + 1, time.monotonic()
-                if time.monotonic() - since > self._limit():
-                    raise self._failed("does not come to an end")
+            child.send(self.data)
+            return self._wait(child)
+        except ChildEndedError as error:
+            raise self._failed(f"failed ({error})") from error
         finally:
-            process.kill()
-            process.wait()
-            reader.join()
-            process.stdout.close()
-        for line in self.lines[heard:]:
-            self._hear(line)
-        self.code = process.returncode
+            child.end()
+
+    def _wait(self, child: ChildProcess) -> dict[str, np.ndarray]:
+        since = time.monotonic()
+        while True:
+            self.check()
+            if child.poll(POLL):
+                word, *rest = child.receive()
+                if word == "done":
+                    return rest[0]
+                self._hear(word, *rest)
+                since = time.monotonic()
+            elif time.monotonic() - since > self._limit():
+                raise self._failed("does not come to an end")
 
     def _limit(self) -> float:
         return float(self.data["pack_seconds"] if self.packing else self.data["seconds"][self.mesh or 0])
 
-    def _hear(self, line: str) -> None:
-        word, *rest = line.split()
+    def _hear(self, word: str, number: int, metres: float = 0.0) -> None:
+        size, density = int(self.data["size"]), float(self.data["density"])
         if word == "mesh":
-            self.mesh = int(rest[0])
-            self.progress(CHARTING * float(self.done[self.mesh]))
+            self.mesh = number
+            self.progress(CHARTING * float(self.done[number]))
         elif word == "pack":
             self.packing = True
-            self.progress(CHARTING + (1.0 - CHARTING) * min(int(rest[0]) / USUAL_TRIES, 1.0))
-
-    def _raise_answer(self) -> None:
-        word, *rest = self.lines[-1].split() if self.lines else [""]
-        size, density = int(self.data["size"]), float(self.data["density"])
-        if word == "oversize":
-            name, metres = self.names[int(rest[0])], float(rest[1])
+            self.progress(CHARTING + (1.0 - CHARTING) * min(number / USUAL_TRIES, 1.0))
+        elif word == "oversize":
             raise GeometryError(
-                f"a face of object '{name}' is {metres:.4g} m wide, {metres * density:.0f} texels, more than a page of "
-                f"{size}; lower the texels per metre or raise the size"
+                f"a face of object '{self.names[number]}' is {metres:.4g} m wide, {metres * density:.0f} texels, more "
+                f"than a page of {size}; lower the texels per metre or raise the size"
             )
-        if word == "pages":
-            raise _too_many_pages(int(rest[0]), size)
-        if word == "crowded":
+        elif word == "pages":
+            raise _too_many_pages(number, size)
+        elif word == "crowded":
             raise GeometryError(
-                f"the faces fall into {rest[0]} charts, more than a page of {size} x {size} texels can hold; raise the "
+                f"the faces fall into {number} charts, more than a page of {size} x {size} texels can hold; raise the "
                 "size, lower the padding or unwrap fewer objects"
             )
 
@@ -260,11 +227,6 @@ class _Child:
             what = "while it packed the charts" if self.packing else "before its first mesh"
             return BackendError(f"the unwrapper {how} {what}; keep existing UV maps instead")
         return BackendError(f"the unwrapper {how} on object '{self.names[self.mesh]}'; {KEEP}")
-
-    def _reason(self, said: list[str]) -> str:
-        if self.code < 0:
-            return f"signal {-self.code}"
-        return said[-1] if said else f"exit code {self.code}"
 
 
 def _too_many_pages(pages: int, size: int) -> GeometryError:

@@ -1,31 +1,45 @@
-"""A whole bake as a function of arrays: the snapshot of a scene goes in, values per element come out.
+"""A whole bake as a work order: the snapshot of a scene and settings go in, values per element come out.
 
-In go snapshots (plain dataclasses of arrays, with nothing of Blender's in them) and settings. Out come the arrays that
-the method takes, and where each of its results belongs in the scene.
+In go snapshots (plain dataclasses of arrays, with nothing of Blender's in them) and settings. Out come values with a
+report, computed by whoever carries the order out: this process, or a child process.
 """
 
-from .arrays import ObjectRange, prepare_arrays, shade
-from .atlas_layout import lay_out
-from .object_arrays import ObjectArrays
+from .arrays import shade
+from .bake_order import BakeOrder, BakeResult
+from .followers import ChildFollower, Follower, LocalFollower, make_follower
+from .following import Followed, FollowOrder
+from .monitor import JobMonitor
 from .output import MAX_EXPOSURE, ImageFormat, OutputSettings, Scale, SharedMeshes, Target
-from .snapshot import BakedObject, MeshArrays, ObjectSnapshot, SceneSnapshot
-from .texel_materials import TexelMaterials
+from .report import BakeReport
+from .runs import SERVER, ChildRun, KeptChild, Run, ThreadRun
+from .snapshot import BakedObject, Change, MeshArrays, ObjectSnapshot, SceneSnapshot
 
 __all__ = [
     "MAX_EXPOSURE",
+    "SERVER",
+    "BakeOrder",
+    "BakeReport",
+    "BakeResult",
     "BakedObject",
+    "Change",
+    "ChildFollower",
+    "ChildRun",
+    "FollowOrder",
+    "Followed",
+    "Follower",
     "ImageFormat",
+    "JobMonitor",
+    "KeptChild",
+    "LocalFollower",
     "MeshArrays",
-    "ObjectArrays",
-    "ObjectRange",
     "ObjectSnapshot",
     "OutputSettings",
+    "Run",
     "Scale",
     "SceneSnapshot",
     "SharedMeshes",
     "Target",
-    "TexelMaterials",
-    "lay_out",
-    "prepare_arrays",
+    "ThreadRun",
+    "make_follower",
     "shade",
 ]

@@ -83,3 +83,11 @@ class SceneSnapshot:
     occluders: list[ObjectSnapshot]
     notes: list[str] = field(default_factory=list)
     sources: LightSources = field(default_factory=LightSources)
+
+
+@dataclass(frozen=True)
+class Change:
+    """An object as it is now; `baked` is None for objects that only occlude."""
+
+    snapshot: ObjectSnapshot
+    baked: BakedObject | None

@@ -155,6 +155,11 @@ def blend(mode: str, factor: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.nda
     return lerp(factor, a, BLENDS[mode](a, b))
 
 
+def calculate(operation: str, *values: np.ndarray) -> np.ndarray:
+    """What one of the operations in MATH makes of its operands."""
+    return MATH[operation][1](*values)
+
+
 BLENDS: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
     "MIX": lambda a, b: b,
     "MULTIPLY": np.multiply,

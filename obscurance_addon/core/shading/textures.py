@@ -33,6 +33,13 @@ class Texture:
         self._pyramid: Pyramid | None = None
         self._lock = threading.Lock()
 
+    def __getstate__(self) -> dict:
+        with self._lock:
+            return {name: value for name, value in vars(self).items() if name != "_lock"}
+
+    def __setstate__(self, state: dict) -> None:
+        vars(self).update(state, _lock=threading.Lock())
+
     @property
     def pyramid(self) -> Pyramid:
         with self._lock:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Hashable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 
 import numpy as np
 
@@ -88,7 +88,6 @@ class IncrementalBake:
             held = Held(normalisation, settings.max_distance(scene_diagonal(joined.surfaces)))
         self._settings, self._held = settings, held
         self._scene = ChangingScene(objects, movers, settings, held, intersector, ceiling_bytes)
-        self._helper = ThreadPoolExecutor(1, "obscurance-trace")  # its thread ends when this object is gone
         self._probed_by: dict[int, set[int]] = {}  # row of an object -> rows of those whose probing rays met it
         self.r_ave = np.zeros(3)
         self.last = self._bake_all(monitor or Monitor())
@@ -210,11 +209,12 @@ class IncrementalBake:
 
         Hits of those in the rows `fresh` are not kept: who has just moved is likely to move again.
         """
-        caster = self._caster(states, cells, chosen, fresh, monitor)
-        if len(caster.scene.cells.patch):
-            caster.cast(np.arange(len(caster.scene.cells.patch)))
-            if caster.scene.solid is not None:
-                caster.recast_patches_inside_solids()
+        with ThreadPoolExecutor(1, "obscurance-trace") as helper:  # its thread begins with its first work
+            caster = self._caster(states, cells, chosen, fresh, monitor, helper)
+            if len(caster.scene.cells.patch):
+                caster.cast(np.arange(len(caster.scene.cells.patch)))
+                if caster.scene.solid is not None:
+                    caster.recast_patches_inside_solids()
         self._take(states, cells, chosen, caster)
         keys = {state.key for state, own in parts(states) if chosen[own].any()}
         r_ave = mean_of_sums(*self._scene.table.areas.sum(0).reshape(2, 4))
@@ -227,7 +227,13 @@ class IncrementalBake:
         return Update(frozenset(keys), n_chosen, caster.rays, caster.cached, cache.is_full, reason)
 
     def _caster(
-        self, states: list[ObjectState], cells: Cells, chosen: np.ndarray, fresh: set[int], monitor: Monitor
+        self,
+        states: list[ObjectState],
+        cells: Cells,
+        chosen: np.ndarray,
+        fresh: set[int],
+        monitor: Monitor,
+        helper: Executor,
     ) -> LayeredCaster:
         layers = self._scene.layers
         at = chosen[cells.patch]
@@ -247,7 +253,7 @@ class IncrementalBake:
             self._scene.cache,
             np.concatenate([np.zeros((2, 0), np.int64), *(state.slots for state in states)], axis=1)[:, at],
             np.concatenate([np.zeros(0, bool), *(np.full(len(s.count), s.row not in fresh) for s in states)])[at],
-            self._helper,
+            helper,
         )
 
     def _take(self, states: list[ObjectState], cells: Cells, chosen: np.ndarray, caster: LayeredCaster) -> None:

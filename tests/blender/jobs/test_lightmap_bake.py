@@ -17,7 +17,8 @@ from obscurance_addon.core.errors import BakeCancelledError
 from obscurance_addon.core.light.settings import LightSettings, Quantity
 from obscurance_addon.core.lightmap.settings import LightmapSettings
 from obscurance_addon.core.lightmap.texels import covered_texels
-from obscurance_addon.core.order.output import OutputSettings
+from obscurance_addon.core.order import JobMonitor, OutputSettings, Target
+from obscurance_addon.core.order.arrays import prepare_arrays
 from obscurance_addon.core.scene.patches import Normalisation
 from obscurance_addon.core.settings import BakeSettings
 from tests.blender.helpers import (
@@ -69,12 +70,26 @@ def finished(*objects, **changes):
     return running
 
 
+def arrays_of(running):
+    """What a job hands to the core."""
+    return prepare_arrays(running.order.snapshot, Target.FACE, running.order.light.needs_light)
+
+
+def layout_of(running):
+    """Where the faces of a job lie, which is the same whenever they are laid out."""
+    return running.order._laid_out(arrays_of(running), JobMonitor(running.order.light.quantity, True)).layout
+
+
+def result_of(running):
+    """What a finished job is about to write."""
+    return running._run.result
+
+
 def texels_of(running):
     """(texels, colours (n, 3)) of each page of a finished job."""
-    bake = running._bake
-    triangles = bake._laid_out.layout.triangles(SIZE, Normalisation.of(bake._arrays.patches.corners))
+    triangles = layout_of(running).triangles(SIZE, Normalisation.of(arrays_of(running).patches.corners))
     found = []
-    for number, page in enumerate(bake._result.pages):
+    for number, page in enumerate(result_of(running).pages):
         texels = covered_texels(triangles, SIZE, number, (0, SIZE))
         found.append((texels, page.reshape(-1, 4)[texels.index, :3].astype(np.float64)))
     return found
@@ -82,7 +97,7 @@ def texels_of(running):
 
 def means_on_faces(running):
     """Mean over the texels of each face, (f, 3)."""
-    n = len(running._bake._arrays.patches)
+    n = len(arrays_of(running).patches)
     total, area = np.zeros((n, 3)), np.zeros(n)
     for texels, values in texels_of(running):
         area += np.bincount(texels.face, texels.area, n)
@@ -166,7 +181,7 @@ def test_exposure_brightens_by_stops():
         put_on_map(ob, first)
     for quantity, factor in (("COMBINED", 4.0), ("OBSCURANCE", 1.0)):
         plain, bright = (
-            finished(*objects, quantity=quantity, exposure=stops, uv_mode="KEEP")._bake._result.pages[0]
+            result_of(finished(*objects, quantity=quantity, exposure=stops, uv_mode="KEEP")).pages[0]
             for stops in (0.0, 2.0)
         )
         np.testing.assert_allclose(bright[..., :3], factor * plain[..., :3], rtol=1e-6)
@@ -176,8 +191,10 @@ def test_exposure_brightens_by_stops():
 def test_white_is_paper_over_the_mean_reflectance():
     """In every texel."""
     objects = panels()
-    white, paper = (finished(*objects, scale=scale)._bake._result for scale in ("WHITE", "PAPER"))
-    np.testing.assert_allclose(white.pages[0][..., :3] * white.r_ave, paper.pages[0][..., :3], rtol=1e-5, atol=1e-6)
+    white, paper = (result_of(finished(*objects, scale=scale)) for scale in ("WHITE", "PAPER"))
+    np.testing.assert_allclose(
+        white.pages[0][..., :3] * white.report.r_ave, paper.pages[0][..., :3], rtol=1e-5, atol=1e-6
+    )
 
 
 def test_adaptive_texels_stay_within_the_error_bound():
@@ -187,10 +204,10 @@ def test_adaptive_texels_stay_within_the_error_bound():
     full, adaptive = (finished(*objects, rays=128, adaptive=on, error_bound=bound) for on in (False, True))
     ((_, expected),), ((_, found),) = texels_of(full), texels_of(adaptive)
     rms = np.sqrt(((found - expected) ** 2).mean())
-    noise = 2**0.5 * full._bake._result.rmse.max()
+    noise = 2**0.5 * max(result_of(full).report.rmse)
     assert rms <= bound + noise
-    assert adaptive._bake._result.traced < 0.6 * full._bake._result.traced
-    assert adaptive._bake._result.rays < full._bake._result.rays
+    assert result_of(adaptive).report.lightmap.traced_texels < 0.6 * result_of(full).report.lightmap.traced_texels
+    assert result_of(adaptive).report.rays < result_of(full).report.rays
 
 
 # ------------------------------------------------------------------------------------------------------------- lookup
@@ -276,7 +293,7 @@ def test_a_density_takes_as_many_pages_as_it_needs(tmp_path):
     ob = asymmetric()
     ob.scale = (2.0, 2.0, 1.0)
     running = finished(ob, texels_per_metre=100.0, image_path=str(tmp_path / "map.exr"))
-    layout = running._bake._laid_out.layout
+    layout = layout_of(running)
     report = running.commit()
     told, image = report.lightmap, bpy.data.images["Obscurance"]
     assert told.pages >= 400**2 / SIZE**2
@@ -298,7 +315,7 @@ def test_a_density_takes_as_many_pages_as_it_needs(tmp_path):
     for number, path in enumerate(told.files):
         pixels = pixels_of(bpy.data.images.load(path))
         x, y = (inside[page == number].mean(1) * SIZE).astype(int).T
-        expected = running._bake._result.pages[number][y, x, :3]
+        expected = result_of(running).pages[number][y, x, :3]
         assert (expected > 0.0).all()
         np.testing.assert_allclose(pixels[y, x, :3], expected, rtol=HALF_STEP)
 

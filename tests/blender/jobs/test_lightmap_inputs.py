@@ -21,8 +21,10 @@ from tests.blender.helpers import (
 )
 from tests.blender.jobs.test_lightmap_bake import (
     SIZE,
+    arrays_of,
     bake_map,
     finished,
+    layout_of,
     lightmap_job,
     means_on_faces,
     pixels_of,
@@ -35,8 +37,7 @@ pytestmark = pytest.mark.usefixtures("empty_scene")
 
 def triangles_of(running) -> AtlasTriangles:
     """The triangles of a finished job, in texels."""
-    bake = running._bake
-    return bake._laid_out.layout.triangles(SIZE, Normalisation.of(bake._arrays.patches.corners))
+    return layout_of(running).triangles(SIZE, Normalisation.of(arrays_of(running).patches.corners))
 
 
 def overlaps(running):
@@ -57,11 +58,11 @@ def overlaps(running):
 
 def density(running, index=0):
     """Area in the atlas over area in the world, in texels per square metre, of one object."""
-    part, triangles = running._bake._arrays.ranges[index], triangles_of(running)
+    part, triangles = arrays_of(running).ranges[index], triangles_of(running)
     own = (triangles.face >= part.first) & (triangles.face < part.end)
     one, other = (triangles.uv[own, k] - triangles.uv[own, 0] for k in (1, 2))
     texels = 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
-    scale = Normalisation.of(running._bake._arrays.patches.corners).scale
+    scale = Normalisation.of(arrays_of(running).patches.corners).scale
     return texels.sum() / (texels * triangles.texel_area[own]).sum() / scale**2
 
 
@@ -83,7 +84,7 @@ def test_concave_polygons_cover_their_own_area():
     """One face and one chart; its area, seen in UVs, is that of the star and not of its hull."""
     ob = star()
     running = finished(ob)
-    assert len(set(running._bake._laid_out.layout.chart)) == 1
+    assert len(set(layout_of(running).chart)) == 1
     running.commit()
     x, y = uv_of(ob).astype(float).T
     area = 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
@@ -143,7 +144,7 @@ def test_a_kept_map_takes_the_faces_that_modifiers_make(modify):
     modify(ob)
     running = finished(ob, uv_mode="KEEP")
     evaluated = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    assert len(running._bake._arrays.patches) == len(evaluated.polygons) > 6
+    assert len(arrays_of(running).patches) == len(evaluated.polygons) > 6
     report = running.commit()
     assert not notes_about(report.warnings, "unmodified")
     assert np.array_equal(uv_of(ob), before)
@@ -151,7 +152,7 @@ def test_a_kept_map_takes_the_faces_that_modifiers_make(modify):
     copied = modify is not subdivide  # and copies lie on each other in the map
     assert bool(notes_about(report.warnings, "'Thing' with itself", "overlap")) == copied
     if modify is subdivide:
-        scale = Normalisation.of(running._bake._arrays.patches.corners).scale
+        scale = Normalisation.of(arrays_of(running).patches.corners).scale
         area = sum(texels.area.sum() for texels, _ in texels_of(running)) * scale**2
         evaluated.calc_loop_triangles()
         assert area == pytest.approx(sum(triangle.area for triangle in evaluated.loop_triangles), rel=1e-4)

@@ -4,9 +4,9 @@ import bpy
 import numpy as np
 import pytest
 
-from obscurance_addon.blender.jobs import attribute_bake
 from obscurance_addon.blender.writing import color_attribute
 from obscurance_addon.core.errors import BakeCancelledError, ObscuranceError
+from obscurance_addon.core.order import bake_order
 from tests.blender.helpers import (
     CORNER_LAYER,
     FACE_LAYER,
@@ -116,7 +116,7 @@ def test_nothing_changes_when_tracing_fails(monkeypatch):
     def fails(*_arguments, **_keywords):
         raise ObscuranceError("no")
 
-    monkeypatch.setattr(attribute_bake, "bake_obscurances", fails)
+    monkeypatch.setattr(bake_order, "bake_obscurances", fails)
     with pytest.raises(ObscuranceError, match="no"):
         job(ob, other).run()
     assert unlike(before, file_state()) == []

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tests.blender.helpers import ROUNDING, sheet
-from tests.blender.jobs.test_lightmap_bake import finished, texels_of
+from tests.blender.jobs.test_lightmap_bake import arrays_of, finished, texels_of
 from tests.blender.materials.material_helpers import Tree
 from tests.blender.reading.light_helpers import lamp
 
@@ -17,7 +17,7 @@ SUN = 2.0  # W/m^2, from straight above
 def places(running):
     """World positions (n, 3) of the texels of a job's first page, and their radiance over that of white, (n, 3)."""
     texels, values = texels_of(running)[0]
-    corners = running._bake._arrays.patches.corners.reshape(-1, 3)
+    corners = arrays_of(running).patches.corners.reshape(-1, 3)
     low, high = corners.min(0), corners.max(0)
     position = texels.positions(np.arange(len(texels))) * 0.5 * np.linalg.norm(high - low) + 0.5 * (low + high)
     whole = texels.cover > 1.0 - 1e-6

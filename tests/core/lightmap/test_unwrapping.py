@@ -1,6 +1,5 @@
 """Charts do not overlap, keep their distance, have one density, and what cannot be placed is told."""
 
-import importlib.util
 import subprocess
 import sys
 import time
@@ -12,8 +11,10 @@ import pytest
 
 from obscurance_addon.core.errors import BackendError, BakeCancelledError, GeometryError
 from obscurance_addon.core.lightmap import unwrapping as module
+from obscurance_addon.core.lightmap.unwrap_worker import retired
 from obscurance_addon.core.lightmap.unwrapping import UnwrapMesh, unwrap
 from obscurance_addon.core.native_library import why_missing
+from obscurance_addon.core.process import child
 from tests.core.scenes import box, grid, icosphere, welded
 
 pytestmark = pytest.mark.skipif(bool(why_missing("xatlas")), reason="xatlas is not installed")
@@ -325,31 +326,42 @@ def test_cancelling_ends_the_child(monkeypatch):
     assert time.monotonic() - begin < 5.0  # the unwrapping itself takes as long; starting it takes a tenth
 
 
-WORKERS = {
+FIRST_LINES = """
+import importlib.util, os, sys, time
+from multiprocessing.connection import Connection
+from pathlib import Path
+spec = importlib.util.spec_from_file_location("start", {start!r})
+start = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(start)
+start.load_package(Path(sys.argv[1]), sys.argv[2])
+from obscurance_addon.core.process import Channel
+channel = Channel(Connection(int(sys.argv[3])), Path(sys.argv[4]))
+"""
+CHILDREN = {
     "abort": (
-        "print('mesh 1', flush=True); import os; os.abort()",
-        r"failed \(signal 6\) on object 'Second'; keep an existing UV",
+        "channel.send(('mesh', 1)); os.abort()",
+        r"failed \(it was ended by signal 6 \(SIGABRT\)\) on object 'Second'; keep an existing UV",
     ),
     "exit": ("raise ValueError('odd')", r"failed \(ValueError: odd\) before its first mesh; keep existing UV maps"),
     "packing": (
-        "print('mesh 0'); print('pack 0', flush=True); import sys; sys.exit(3)",
+        "channel.send(('mesh', 0)); channel.send(('pack', 0)); sys.exit(3)",
         r"exit code 3\) while it packed",
     ),
     "silence": ("pass", r"failed \(exit code 0\)"),
-    "hang": (
-        "print('mesh 0', flush=True); import time; time.sleep(60)",
-        r"does not come to an end on object 'First'; keep",
+    "printing": (
+        "print('ASSERT', flush=True); channel.send(('mesh', 0)); print('pack 0', flush=True); sys.exit(3)",
+        r"failed \(pack 0\) on object 'First'",
     ),
+    "hang": ("channel.send(('mesh', 0)); time.sleep(60)", r"does not come to an end on object 'First'; keep"),
 }
 
 
-@pytest.mark.parametrize("kind", WORKERS)
+@pytest.mark.skipif(sys.platform == "win32", reason="the child is made with POSIX pipes")
+@pytest.mark.parametrize("kind", CHILDREN)
 def test_a_failing_child(kind, monkeypatch, tmp_path):
-    if kind == "abort" and sys.platform == "win32":
-        pytest.skip("no signals")
-    script, message = WORKERS[kind]
-    (tmp_path / "worker.py").write_text(script)
-    monkeypatch.setattr(module, "WORKER", tmp_path / "worker.py")
+    script, message = CHILDREN[kind]
+    (tmp_path / "child.py").write_text(FIRST_LINES.format(start=str(child._START)) + script)
+    monkeypatch.setattr(child, "_START", tmp_path / "child.py")
     monkeypatch.setattr(module, "PATIENCE", 1.0)
     with pytest.raises(BackendError, match=message):
         place([of(icosphere(0), "First"), of(icosphere(0), "Second")])
@@ -371,11 +383,11 @@ def test_the_child_dies_with_its_parent(tmp_path):
     parent = subprocess.Popen([sys.executable, "-c", code.format(sys.path)], env={"TMPDIR": str(tmp_path)})
     try:
         wait(lambda: children(parent.pid))
-        (child,) = children(parent.pid)
+        (unwrapper,) = children(parent.pid)
     finally:
         parent.kill()
         parent.wait()
-    wait(lambda: not running(child))
+    wait(lambda: not running(unwrapper))
 
 
 def wait(condition):
@@ -403,9 +415,6 @@ def running(pid):
 
 def test_atlases_rest_before_they_are_freed(monkeypatch):
     """xatlas hangs when it frees an atlas whose threads have yet to fall asleep."""
-    spec = importlib.util.spec_from_file_location("retired", module.WORKER / "retired.py")
-    retired = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(retired)
     now = [0.0]
     monkeypatch.setattr(retired.time, "monotonic", lambda: now[0])
     alive = []

@@ -10,7 +10,8 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 
 import numpy as np
-from retired import retire
+
+from .retired import retire
 
 BOX = 1000.0  # side of the box that a mesh is scaled to: xatlas hangs on huge coordinates, drops areas below 1e-7
 CHARTS_AT_LEAST = 8  # per mesh, and ...
@@ -247,7 +248,7 @@ def cut_mesh(xatlas: object, cut: Cut, limit: float) -> None:
         faces = np.flatnonzero(np.isin(cut.chart, wide))
         single = faces[np.bincount(cut.chart[faces])[cut.chart[faces]] == 1]
         if not flat.isdisjoint(single.tolist()):
-            raise Unplaceable(f"{max(cut.uv[cut.loop(face)].max() for face in single)}")
+            raise Unplaceable(float(max(cut.uv[cut.loop(face)].max() for face in single)))
         grow_again(cut, np.setdiff1d(faces, single), clash, limit)
         lay_flat_all(cut, single)
         flat |= set(single.tolist())

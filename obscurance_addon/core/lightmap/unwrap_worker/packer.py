@@ -7,8 +7,9 @@ import itertools
 from collections.abc import Callable
 
 import numpy as np
-from charts import Cut, Unplaceable, twice_areas
-from retired import retire
+
+from .charts import Cut, Unplaceable, twice_areas
+from .retired import retire
 
 ORPHANED = 2.0  # times its patience, no parent has ended this process: it ends itself, whatever the system
 NONE = 0xFFFFFFFF  # what xatlas has for no chart
@@ -24,7 +25,7 @@ class Packer:
     """Places charts on square pages at any density; the cutting is done."""
 
     def __init__(
-        self, xatlas: object, triangles: np.ndarray, chart: np.ndarray, job: dict, say: Callable[[str], None]
+        self, xatlas: object, triangles: np.ndarray, chart: np.ndarray, job: dict, say: Callable[[tuple], None]
     ) -> None:
         order = np.argsort(chart, kind="stable")
         self.xatlas, self.say, self.triangles, self.chart = xatlas, say, triangles[order], chart[order]
@@ -41,7 +42,7 @@ class Packer:
     def pack(self, density: float) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
         """Number of pages; page (n,) int, corner (n, 2) in texels and whether x and y are exchanged, of each chart."""
         faulthandler.dump_traceback_later(ORPHANED * self.seconds, exit=True)
-        self.say(f"pack {self.tries}")
+        self.say(("pack", self.tries))
         self.tries += 1
         shapes, chart = self._shapes(density)
         options = self.xatlas.PackOptions()
@@ -110,7 +111,7 @@ class Packer:
                 break
             most, low = low, low * STEP
         else:
-            raise Unplaceable(f"crowded {self.count}")
+            raise Unplaceable("crowded", int(self.count))
         low, placed = self._between(low, most, placed)
         if self.count * self.size**2 > BRUTE_FORCE:
             return low, placed
@@ -128,8 +129,8 @@ class Packer:
         return low, placed
 
 
-def pack_cuts(xatlas: object, cuts: list[Cut], job: dict, say: Callable[[str], None]) -> dict[str, np.ndarray]:
-    """Places the charts of all meshes; the arrays of `result.npz`. `say` is told each try."""
+def pack_cuts(xatlas: object, cuts: list[Cut], job: dict, say: Callable[[tuple], None]) -> dict[str, np.ndarray]:
+    """Places the charts of all meshes; the arrays of the answer. `say` is told each try."""
     first = 0
     for cut in cuts:
         placed = np.flatnonzero(cut.chart >= 0)
@@ -140,7 +141,7 @@ def pack_cuts(xatlas: object, cuts: list[Cut], job: dict, say: Callable[[str], N
     density = float(job["density"])
     density, (pages, page, corner, swapped) = (density, packer.pack(density)) if density else packer.densest()
     if pages > int(job["most_pages"]):
-        raise Unplaceable(f"pages {pages}")
+        raise Unplaceable("pages", int(pages))
     result = {"density": np.array(density), "pages": np.array(pages)}
     for i, cut in enumerate(cuts):
         of = np.repeat(cut.chart, np.diff(cut.face_start))

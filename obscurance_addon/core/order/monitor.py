@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...core.errors import BakeCancelledError
-from ...core.light import Quantity
-from ...core.monitor import Monitor
+from ..errors import BakeCancelledError
+from ..light import Quantity
+from ..monitor import Monitor
 
 # What the core does for each quantity, in order.
 _PHASES = {
@@ -43,6 +43,7 @@ class JobMonitor(Monitor):
     _SHARES: ClassVar = {"unwrap": 0.3, "build": 0.1, "trace": 0.9, "light": 1.5, "redistribute": 0.6, "radiosity": 1.5}
 
     def __init__(self, quantity: Quantity, is_lightmap: bool = False) -> None:
+        self.made_of = quantity, is_lightmap  # what another one for the same bake is made of
         self.cancelled = threading.Event()
         self._lock = threading.Lock()
         self._phases = ("unwrap", *_LIGHTMAP_PHASES[quantity]) if is_lightmap else _PHASES[quantity]

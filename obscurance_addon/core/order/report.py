@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ...core.light import BakedLight, Quantity
-from ...core.lightmap import Lightmap
+from ..light import BakedLight, Quantity
+from ..lightmap import Lightmap
 
 _NAMES_IN_SUMMARY = 3
 

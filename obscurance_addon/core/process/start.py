@@ -1,0 +1,49 @@
+"""The first lines of a child process: `python -P start.py PACKAGE NAME HANDLE FOLDER MODULE`.
+
+PACKAGE is the folder of the add-on, NAME its last name; HANDLE the end of the pipe that was inherited; FOLDER is
+private to both processes. MODULE, of the core, has a function `serve(channel, folder)`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import importlib.util
+import os
+import shutil
+import sys
+import threading
+from multiprocessing import connection
+from pathlib import Path
+
+
+def main(package: str, name: str, handle: int, folder: Path, module: str) -> None:
+    threading.Thread(target=end_with_parent, args=(folder,), daemon=True).start()
+    kind = connection.PipeConnection if sys.platform == "win32" else connection.Connection
+    load_package(Path(package), name)
+    channel_type = importlib.import_module(f"{name}.core.process.channel").Channel
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):  # until the parent closes its end
+        importlib.import_module(f"{name}.core.{module}").serve(channel_type(kind(handle), folder), folder)
+    sys.stderr.flush()
+    os._exit(0)  # the native libraries have nothing to save, and some wait for threads of theirs at a normal exit
+
+
+def end_with_parent(folder: Path) -> None:
+    """Wait for the pipe from the parent to close, whatever ended it, and leave nothing behind."""
+    while os.read(0, 1):
+        continue
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)
+
+
+def load_package(folder: Path, name: str) -> None:
+    """Import the add-on from its folder, which need not be on the search path."""
+    where = [str(folder)]
+    spec = importlib.util.spec_from_file_location(name, folder / "__init__.py", submodule_search_locations=where)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # as the import system does; the folder has no place on sys.path
+    spec.loader.exec_module(module)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], int(sys.argv[3]), Path(sys.argv[4]), sys.argv[5])

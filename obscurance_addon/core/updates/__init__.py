@@ -5,6 +5,6 @@ In go objects by key, then those that changed. Out come the values of the patche
 
 from .incremental import IncrementalBake
 from .list_bake import ListBake
-from .results import UpdateMode
+from .results import Update, UpdateMode
 
-__all__ = ["IncrementalBake", "ListBake", "UpdateMode"]
+__all__ = ["IncrementalBake", "ListBake", "Update", "UpdateMode"]

@@ -25,15 +25,20 @@ def main(package: str, name: str, handle: int, folder: Path, module: str) -> Non
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):  # until the parent closes its end
         importlib.import_module(f"{name}.core.{module}").serve(channel_type(kind(handle), folder), folder)
     sys.stderr.flush()
-    os._exit(0)  # the native libraries have nothing to save, and some wait for threads of theirs at a normal exit
+    end(folder, 0)
 
 
 def end_with_parent(folder: Path) -> None:
     """Wait for the pipe from the parent to close, whatever ended it, and leave nothing behind."""
     while os.read(0, 1):
         continue
+    end(folder, 1)
+
+
+def end(folder: Path, status: int) -> None:
+    """Leave at once: the native libraries have nothing to save, and some wait for their threads at a normal exit."""
     shutil.rmtree(folder, ignore_errors=True)
-    os._exit(1)
+    os._exit(status)
 
 
 def load_package(folder: Path, name: str) -> None:

@@ -1,0 +1,116 @@
+"""Child processes begin, answer and end, and leave nothing behind, whoever is killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+
+from obscurance_addon.core.errors import GeometryError
+from obscurance_addon.core.order import SERVER
+from obscurance_addon.core.process import ChildEndedError, ChildProcess
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and folders of POSIX")
+ROOT = Path(__file__).parents[3]
+PARENT = """
+import sys
+from obscurance_addon.core.process import ChildProcess
+child = ChildProcess({server!r})
+child.receive()
+print(child.pid, flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    """Temporary files go where the test can see them."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    return tmp_path
+
+
+def until(condition):
+    end = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def is_running(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+
+
+def test_it_is_ready_and_ends(own_folder):
+    child = ChildProcess(SERVER)
+    assert child.receive() == ("ready", None)
+    assert child.is_alive()
+    child.end()
+    child.end()
+    assert not child.is_alive()
+    assert list(own_folder.iterdir()) == []
+
+
+def test_a_killed_child_is_told_with_its_signal(own_folder):
+    child = ChildProcess(SERVER)
+    child.receive()
+    os.kill(child.pid, signal.SIGKILL)
+    with pytest.raises(ChildEndedError, match=r"signal 9 \(SIGKILL, as systems do when memory runs out\)"):
+        child.receive()
+    child.end()
+    assert list(own_folder.iterdir()) == []
+
+
+def test_an_error_of_the_core_arrives_as_what_it_is():
+    child = ChildProcess(SERVER)
+    child.receive()
+    child.send(("values", "nobody"))
+    word, text = child.receive()
+    assert word == "bug"
+    assert "values" in text
+    child.send(("_answer_with", GeometryError))
+    with pytest.raises(ChildEndedError, match="_answer_with"):
+        child.receive()
+    child.end()
+
+
+@pytest.mark.parametrize("sign", [signal.SIGTERM, signal.SIGKILL])
+def test_a_killed_parent_takes_its_child_and_folder_along(sign, own_folder):
+    parent = subprocess.Popen(
+        [sys.executable, "-c", PARENT.format(server=SERVER)],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    child = int(parent.stdout.readline())
+    assert len(list(own_folder.glob("obscurance-*"))) == 1
+    parent.send_signal(sign)
+    parent.wait()
+    until(lambda: not is_running(child))
+    until(lambda: not list(own_folder.glob("obscurance-*")))
+    parent.stdin.close()
+    parent.stdout.close()
+
+
+def test_what_was_left_by_both_is_swept(own_folder):
+    """The next child finds the folder that no living process owns, and leaves alone those that are owned."""
+    left = own_folder / "obscurance-left"
+    left.mkdir()
+    (left / "owner").touch()
+    (left / "1-1").write_bytes(bytes(100))
+    first = ChildProcess(SERVER)
+    assert not left.exists()
+    second = ChildProcess(SERVER)
+    assert first.folder.exists()
+    for child in (first, second):
+        child.receive()
+        child.end()

@@ -75,8 +75,8 @@ class Channel:
         if not name:
             self._connection.send_bytes(b"".join(bytes(view) + bytes(-view.nbytes % _ALIGNMENT) for view in raw))
 
-    def poll(self, seconds: float) -> bool:
-        """Whether there is a message, or the other end has gone; waits so long for it."""
+    def poll(self, seconds: float | None) -> bool:
+        """Whether there is a message, or the other end has gone; waits so long for it, for None without end."""
         return self._connection.poll(seconds)
 
     def receive(self) -> object:

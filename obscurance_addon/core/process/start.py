@@ -22,8 +22,10 @@ def main(package: str, name: str, handle: int, folder: Path, module: str) -> Non
     kind = connection.PipeConnection if sys.platform == "win32" else connection.Connection
     load_package(Path(package), name)
     channel_type = importlib.import_module(f"{name}.core.process.channel").Channel
-    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):  # until the parent closes its end
-        importlib.import_module(f"{name}.core.{module}").serve(channel_type(kind(handle), folder), folder)
+    channel = channel_type(kind(handle), folder)
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        importlib.import_module(f"{name}.core.{module}").serve(channel, folder)
+        channel.poll(None)  # the parent closes its end once it has taken the last message from the folder
     sys.stderr.flush()
     end(folder, 0)
 

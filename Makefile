@@ -3,6 +3,8 @@ PYTHON ?= python3.11
 VENV ?= .venv
 BPY ?= 4.5.15
 RUN = $(VENV)/bin/python
+PROCESSES ?= 2
+TEST = $(RUN) -m pytest -n $(PROCESSES)
 
 .PHONY: venv demo test test-core test-blender test-window extension lint bench figures samples clean
 
@@ -15,13 +17,13 @@ demo: venv
 	$(RUN) tools/demo.py
 
 test: venv
-	$(RUN) -m pytest
+	$(TEST)
 
 test-core: venv
-	$(RUN) -m pytest tests/core
+	$(TEST) tests/core
 
 test-blender: venv
-	$(RUN) -m pytest tests/blender tests/extension
+	$(TEST) tests/blender tests/ui tests/command_line tests/extension
 
 # Needs root: makes a Debian in a folder with a real Blender in it. DEBIAN=sid for the newest Blender.
 test-window: venv

@@ -19,7 +19,6 @@ from scenes import empty_scene, select_only, solids_on_floor
 from trace_rate import _Recorder
 
 from obscurance_addon.blender.jobs.job import TRACERS, BakeJob
-from obscurance_addon.blender.jobs.report import BakeReport
 from obscurance_addon.blender.reading.scene import snapshot_scene
 from obscurance_addon.core.lightmap.bake import bake_lightmap
 from obscurance_addon.core.lightmap.obscurances import TexelTracer
@@ -28,6 +27,7 @@ from obscurance_addon.core.lightmap.texels import covered_texels
 from obscurance_addon.core.order.arrays import prepare_arrays
 from obscurance_addon.core.order.atlas_layout import lay_out
 from obscurance_addon.core.order.output import ImageFormat, OutputSettings, Target
+from obscurance_addon.core.order.report import BakeReport
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.build import build_scene
 from obscurance_addon.core.tracing.embree import EmbreeIntersector

@@ -58,7 +58,7 @@ def bake_light(
     settings : BakeSettings
     light : LightSettings
     neighbours, monitor, intersector, block_rays
-        As for `bake.bake_obscurances`.
+        As for `core.obscurance.bake_obscurances`.
 
     Raises
     ------

@@ -92,7 +92,7 @@ def light_up(
     valid : ndarray, (n,) float64, or None
         Shares outside of solids where they are known; then openness is asked for too.
     monitor, block_rays
-        As for `bake.bake_obscurances`.
+        As for `core.obscurance.bake_obscurances`.
     """
     area, n_baked = scene.traced.cells.area, len(sample)
     others = share_by_area(area[n_baked:], OTHERS_SAMPLES, MAX_OTHER_SAMPLES)

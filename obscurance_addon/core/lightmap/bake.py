@@ -93,9 +93,9 @@ def bake_lightmap(
     white : bool
         An open texel is white (W / R_ave); else it has the value of the paper (W).
     patch_reflectance : ndarray, (f, 3) float64, optional
-        As for `bake.bake_obscurances`.
+        As for `core.obscurance.bake_obscurances`.
     monitor, intersector, block_rays
-        As for `bake.bake_obscurances`.
+        As for `core.obscurance.bake_obscurances`.
 
     Raises
     ------

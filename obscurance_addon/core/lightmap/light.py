@@ -1,6 +1,6 @@
 """One bake of light into a lightmap: faces light each other, texels receive.
 
-What surfaces pass on, and the ambient light, is found on whole faces, as in `light_bake`; each texel then gathers its
+What surfaces pass on, and the ambient light, is found on whole faces, as in `core.light`; each texel then gathers its
 own direct light, obscurances, and what the faces pass on.
 """
 
@@ -63,7 +63,7 @@ def bake_light_map(
     Parameters
     ----------
     surfaces, patches, others, materials, sources, settings, light
-        As for `light_bake.bake_light`, with whole faces as patches; `rays` are for each texel.
+        As for `core.light.bake_light`, with whole faces as patches; `rays` are for each texel.
     layout : AtlasLayout
     lightmap : LightmapSettings
         `adaptive` is for the obscurances: direct light has shadows, which no sparse texel could foresee.
@@ -73,7 +73,7 @@ def bake_light_map(
         Reflectance and emission (m, 3) of triangles (m,) of the layout at places (m, 2) in texels of their page; by
         default those of the whole face.
     monitor, intersector, block_rays
-        As for `bake.bake_obscurances`.
+        As for `core.obscurance.bake_obscurances`.
 
     Raises
     ------

@@ -186,6 +186,7 @@ def test_without_a_child_the_bake_runs_by_turns(floor, how, monkeypatch, tmp_pat
     expected = colors(floor)
     monkeypatch.setattr(sys, "executable", str(executable))
     monkeypatch.setattr(CHILD, "_cannot_start", False)
+    monkeypatch.setattr(CHILD, "_is_told", False)
     running = Running(rays=16)
     while (answer := running.handle(TIMER)) == "PASS_THROUGH":
         continue
@@ -193,6 +194,10 @@ def test_without_a_child_the_bake_runs_by_turns(floor, how, monkeypatch, tmp_pat
     assert not own_threads()
     assert len([text for kind, text in running.reports if kind == "WARNING" and "own process" in text]) == 1
     np.testing.assert_array_equal(colors(floor), expected)
+    again = Running(rays=16)
+    while again.handle(TIMER) == "PASS_THROUGH":
+        continue
+    assert not [text for kind, text in again.reports if kind == "WARNING"]  # it is said once
 
 
 def own_threads():

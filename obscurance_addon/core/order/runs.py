@@ -140,11 +140,11 @@ class TurnRun(ThreadRun):
     For windows where no child process starts. The result is that of any number of threads.
     """
 
-    def __init__(self, order: Order, monitor: JobMonitor, intersector: Callable) -> None:
+    def __init__(self, order: Order, monitor: JobMonitor, intersector: Callable, *notes: str) -> None:
         turns = _TurnMonitor(*monitor.made_of)
         settings = dataclasses.replace(order.settings, threads=1)
         super().__init__(dataclasses.replace(order, settings=settings), turns, intersector)
-        self.notes.append(NO_CHILD)
+        self.notes += notes
 
     def _compute(self) -> None:
         self._monitor.waits.set()
@@ -183,6 +183,7 @@ class ChildRun:
     def __init__(self, child: ChildProcess, message: tuple, keep: list | None = None) -> None:
         self.result: object = None
         self.notes: list[str] = []
+        self.is_over = False
         self.child = child
         self._beats, self._heard = 0.0, time.monotonic()
         child.send(message, keep)
@@ -204,6 +205,7 @@ class ChildRun:
         word, answer = self.child.receive()
         if word == "ready":
             return False
+        self.is_over = True
         if word == "error":
             raise answer
         if word == "bug":
@@ -220,7 +222,7 @@ class ChildRun:
 
     def cancel(self) -> None:
         """Stop it at once, by ending the process; the next bake starts another."""
-        if self.result is None:
+        if not self.is_over:
             self.child.end()
 
 
@@ -233,7 +235,7 @@ class KeptChild:
     def __init__(self) -> None:
         self._child: ChildProcess | None = None
         self._last: ChildRun | None = None
-        self._cannot_start = False
+        self._cannot_start = self._is_told = False
 
     def run(self, order: Order, monitor: JobMonitor, intersector: Callable, ceiling_bytes: int) -> Run:
         """Start an order. One that is not finished is stopped.
@@ -248,14 +250,19 @@ class KeptChild:
         ceiling_bytes : int
             What the child may keep of its ray tracer.
         """
-        if self._last is not None and self._last.result is None:
+        if self._last is not None and not self._last.is_over:
             self.end()
         if not self._cannot_start:
             try:
                 return self._start(order, monitor, intersector, ceiling_bytes)
             except ChildEndedError as error:
                 self._gave_up(error)
-        return TurnRun(order, monitor, intersector)
+        return self._by_turns(order, monitor, intersector)
+
+    def _by_turns(self, order: Order, monitor: JobMonitor, intersector: Callable) -> Run:
+        notes = () if self._is_told else (NO_CHILD,)
+        self._is_told = True
+        return TurnRun(order, monitor, intersector, *notes)
 
     def _start(self, order: Order, monitor: JobMonitor, intersector: Callable, ceiling_bytes: int) -> Run:
         if self._child is None or not self._child.is_alive():
@@ -271,7 +278,7 @@ class KeptChild:
         if began:
             return None
         self._gave_up(error)
-        return TurnRun(order, monitor, intersector)
+        return self._by_turns(order, monitor, intersector)
 
     def _gave_up(self, error: ChildEndedError) -> None:
         self._cannot_start = True
@@ -279,7 +286,7 @@ class KeptChild:
 
     def forget(self) -> None:
         """Let go of the ray tracer, unless a bake is under way."""
-        if self._child is not None and self._last.result is not None:
+        if self._last is not None and self._last.is_over:
             try:
                 self._child.send(("forget",))
             except ChildEndedError:

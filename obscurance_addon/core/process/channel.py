@@ -11,7 +11,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-_MAPPED_BYTES = 1 << 16  # arrays of a message that are larger together go through a file
+_MAPPED_BYTES = 1 << 18  # arrays of a message that are larger together go through a file
 _ALIGNMENT = 64
 _PACKAGE = __name__.rpartition(".core.")[0]  # each process may know the package by another name
 _OTHERS = {("functools", "partial"), ("builtins", "set"), ("builtins", "frozenset"), ("builtins", "slice")}
@@ -61,19 +61,18 @@ class Channel:
         ]
         raw = [buffer.raw() for buffer in buffers]
         sizes = [view.nbytes for view in raw]
+        padded = [part for view in raw for part in (view, bytes(-view.nbytes % _ALIGNMENT))]
         name = ""
         if sum(sizes) > _MAPPED_BYTES:
             self._files += 1
             name = f"{id(self):x}-{self._files}"
             with open(self._folder / name, "wb") as file:
-                for view in raw:
-                    file.write(view)
-                    file.write(bytes(-view.nbytes % _ALIGNMENT))
+                file.writelines(padded)
         index = json.dumps({"file": name, "sizes": sizes, "heads": [len(head) for head in heads]}).encode()
         self._connection.send_bytes(index)
         self._connection.send_bytes(b"".join(heads))
         if not name:
-            self._connection.send_bytes(b"".join(bytes(view) + bytes(-view.nbytes % _ALIGNMENT) for view in raw))
+            self._connection.send_bytes(b"".join(padded))
 
     def poll(self, seconds: float | None) -> bool:
         """Whether there is a message, or the other end has gone; waits so long for it, for None without end."""

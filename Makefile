@@ -6,7 +6,7 @@ RUN = $(VENV)/bin/python
 PROCESSES ?= 2
 TEST = $(RUN) -m pytest -n $(PROCESSES)
 
-.PHONY: venv demo test test-core test-blender test-window extension lint bench figures samples clean
+.PHONY: venv demo test test-core test-blender test-window extension wheel lint bench figures samples clean
 
 venv: $(VENV)/installed-$(BPY)
 
@@ -31,6 +31,9 @@ test-window: venv
 
 extension: venv
 	$(RUN) tools/build_extension.py
+
+wheel: venv
+	$(RUN) -m pip wheel --quiet --no-deps --wheel-dir build/package .
 
 lint: venv
 	$(RUN) -m ruff check .

@@ -13,16 +13,18 @@ def _run() -> int:
     try:
         import bpy  # noqa: F401
     except ImportError as error:
-        print(f"obscurance: the bpy module does not load ({error}): pip install bpy==4.5.15", file=sys.stderr)
+        print(
+            f"obscurance: the bpy module does not load ({error}): pip install 'obscurance-addon[bpy]'", file=sys.stderr
+        )
         return 1
-    from . import register
-    from .command_line import main
+    from . import command_line, register
 
     register()
-    return main(arguments)
+    return command_line.main(arguments)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Run the command line on the bpy module and leave, with its status."""
     try:
         status = _run()
     except SystemExit as stop:
@@ -36,3 +38,7 @@ if __name__ == "__main__":
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(status)  # the bpy module crashes (4.2) or hangs (4.5) at a normal exit while classes are registered
+
+
+if __name__ == "__main__":
+    main()

@@ -6,12 +6,13 @@ report, computed by whoever carries the order out: this process, or a child proc
 
 from .arrays import shade
 from .bake_order import BakeOrder, BakeResult
+from .child_runs import SERVER, ChildRun, KeptChild
 from .followers import ChildFollower, Follower, LocalFollower, make_follower
 from .following import Followed, FollowOrder
 from .monitor import JobMonitor
 from .output import MAX_EXPOSURE, ImageFormat, OutputSettings, Scale, SharedMeshes, Target
 from .report import BakeReport
-from .runs import SERVER, ChildRun, KeptChild, Run, ThreadRun
+from .runs import Run, ThreadRun
 from .snapshot import BakedObject, Change, MeshArrays, ObjectSnapshot, SceneSnapshot
 
 __all__ = [

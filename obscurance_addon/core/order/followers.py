@@ -9,9 +9,10 @@ import numpy as np
 
 from ..errors import BackendError
 from ..process import ChildEndedError, ChildProcess
+from .child_runs import NO_CHILD, SERVER, ChildRun, RunWithFallback
 from .following import Followed, Following, FollowOrder
 from .monitor import JobMonitor
-from .runs import NO_CHILD, SERVER, ChildRun, Run, RunWithFallback
+from .runs import Run
 from .snapshot import Change
 
 Objects = Mapping[Hashable, Change]

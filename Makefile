@@ -1,8 +1,12 @@
 # Every target is also a plain command in CONTRIBUTING.md.
-PYTHON ?= python3.11
+# PYTHON is looked for where it is not given: bpy needs 3.11 up to 5.0 and 3.13 from 5.1 on.
+PYTHON ?=
 VENV ?= .venv
 BPY ?= 4.5.15
+# Tests run in this many processes, each with a Blender of its own.
+WORKERS ?= auto
 RUN = $(VENV)/bin/python
+PYTEST = $(RUN) -m pytest -n $(WORKERS) --dist worksteal
 
 .PHONY: venv demo test test-core test-blender test-window extension lint bench figures samples clean
 
@@ -15,13 +19,13 @@ demo: venv
 	$(RUN) tools/demo.py
 
 test: venv
-	$(RUN) -m pytest
+	$(PYTEST)
 
 test-core: venv
-	$(RUN) -m pytest tests/core
+	$(PYTEST) tests/core
 
 test-blender: venv
-	$(RUN) -m pytest tests/blender tests/extension
+	$(PYTEST) tests/blender tests/ui tests/command_line tests/extension
 
 # Needs root: makes a Debian in a folder with a real Blender in it. DEBIAN=sid for the newest Blender.
 test-window: venv

@@ -1,4 +1,4 @@
-"""Ends every process of a run without Blender's shutdown: while anything is registered it crashes (4.2) or hangs (4.5)."""
+"""Ends each process of a run without Blender's shutdown, which crashes (4.2) or hangs (4.5) after a registration."""
 
 import os
 import sys

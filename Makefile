@@ -1,10 +1,12 @@
 # Every target is also a plain command in CONTRIBUTING.md.
-PYTHON ?= python3.11
+# PYTHON is looked for where it is not given: bpy needs 3.11 up to 5.0 and 3.13 from 5.1 on.
+PYTHON ?=
 VENV ?= .venv
 BPY ?= 4.5.15
+# Tests run in this many processes, each with a Blender of its own.
+WORKERS ?= auto
 RUN = $(VENV)/bin/python
-PROCESSES ?= 2
-TEST = $(RUN) -m pytest -n $(PROCESSES)
+PYTEST = $(RUN) -m pytest -n $(WORKERS) --dist worksteal
 
 .PHONY: venv demo test test-core test-blender test-window extension wheel lint bench figures samples clean
 
@@ -17,13 +19,13 @@ demo: venv
 	$(RUN) tools/demo.py
 
 test: venv
-	$(TEST)
+	$(PYTEST)
 
 test-core: venv
-	$(TEST) tests/core
+	$(PYTEST) tests/core
 
 test-blender: venv
-	$(TEST) tests/blender tests/ui tests/command_line tests/extension
+	$(PYTEST) tests/blender tests/ui tests/command_line tests/extension
 
 # Needs root: makes a Debian in a folder with a real Blender in it. DEBIAN=sid for the newest Blender.
 test-window: venv

@@ -1,4 +1,4 @@
-"""Ends the test run without Blender's shutdown, which crashes (4.2) or hangs (4.5) while anything is registered."""
+"""Ends each process of a run without Blender's shutdown, which crashes (4.2) or hangs (4.5) after a registration."""
 
 import os
 import sys
@@ -13,6 +13,7 @@ def pytest_sessionfinish(session, exitstatus):
 
 @pytest.hookimpl(trylast=True)
 def pytest_unconfigure(config):
+    """All reports are out by now, also those that a worker of pytest-xdist sends to the process that collects them."""
     if "bpy" in sys.modules and hasattr(config, "exit_status"):
         sys.stdout.flush()
         sys.stderr.flush()

@@ -1,18 +1,22 @@
 #!/bin/sh
 # Makes a virtual environment with the bpy module, embreex and the development tools.
-# Environment: PYTHON (python3.11), VENV (.venv), BPY (4.5.15).
+# Environment: BPY (4.5.15), VENV (.venv), PYTHON (the one that this bpy needs, looked for by find_python.sh).
 set -eu
-PYTHON="${PYTHON:-python3.11}"
 VENV="${VENV:-.venv}"
 BPY="${BPY:-4.5.15}"
+case "$BPY" in
+    4.* | 5.0.*) VERSION=3.11 ;;
+    *) VERSION=3.13 ;;
+esac
+PYTHON="${PYTHON:-$(sh "$(dirname "$0")/find_python.sh" "$VERSION")}"
 
-if ! "$PYTHON" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null; then
-    echo "The bpy module needs Python 3.11 exactly, and '$PYTHON' is not it." >&2
-    echo "Cure: install Python 3.11 (Debian 12: apt install python3.11 python3.11-venv) or call make PYTHON=/path/to/python3.11" >&2
+if [ "$("$PYTHON" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)" != "$VERSION" ]; then
+    echo "bpy $BPY needs Python $VERSION exactly, and '$PYTHON' is not it." >&2
+    echo "Cure: call make PYTHON=/path/to/python$VERSION, or without PYTHON to have it looked for" >&2
     exit 1
 fi
 if ! "$PYTHON" -m venv "$VENV"; then
-    echo "Cure: apt install python3.11-venv" >&2
+    echo "Cure: apt install python$VERSION-venv" >&2
     exit 1
 fi
 rm -f "$VENV"/installed-*

@@ -9,7 +9,11 @@ import obscurance_addon
 from obscurance_addon.blender.animation.live_preview import PREVIEW
 from tests.blender.animation.preview_helpers import at, build_room
 
-_register = functools.cache(obscurance_addon.register)  # each folder of tests has the fixtures for itself
+
+@functools.cache  # each folder of tests has the fixtures for itself
+def _register():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    obscurance_addon.register()
 
 
 @pytest.fixture(scope="session")
@@ -21,7 +25,8 @@ def registered():
 @pytest.fixture
 def empty_scene(registered):
     """A file with one scene and no objects, in which the add-on's settings have their defaults."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    # The preferences stay, so that Blender's own add-ons are not loaded anew for every test.
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     return bpy.context.scene
 
 

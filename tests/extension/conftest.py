@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -99,6 +100,14 @@ def zipped(tmp_path_factory) -> Path:
     return made
 
 
+@pytest.fixture(scope="session")
+def user_folder(tmp_path_factory, zipped) -> Path:
+    """The files of a user who has installed the extension; tests get copies."""
+    first = Installation(tmp_path_factory.mktemp("installation"))
+    first.install(zipped)
+    return first.user_folder
+
+
 @pytest.fixture
 def blender(tmp_path) -> Installation:
     """Without the extension."""
@@ -106,7 +115,7 @@ def blender(tmp_path) -> Installation:
 
 
 @pytest.fixture
-def installed(blender, zipped) -> Installation:
+def installed(blender, user_folder) -> Installation:
     """With the extension."""
-    blender.install(zipped)
+    shutil.copytree(user_folder, blender.user_folder, symlinks=True, dirs_exist_ok=True)
     return blender

@@ -210,8 +210,9 @@ _MAKERS: dict[str, Callable[[bpy.types.Light, str, np.ndarray, np.ndarray], Lamp
 
 
 def _uses_nodes(owner: bpy.types.Light | bpy.types.World) -> bool:
-    # New versions always use the nodes of a world, and warn when asked.
-    return (bpy.app.version >= (5, 0, 0) and isinstance(owner, bpy.types.World)) or owner.use_nodes
+    # New versions always use the nodes, and warn when asked.
+    always = (5, 0, 0) if isinstance(owner, bpy.types.World) else (5, 3, 0)
+    return bpy.app.version >= always or owner.use_nodes
 
 
 def _is_portal(light: bpy.types.Light) -> bool:

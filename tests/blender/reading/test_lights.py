@@ -156,7 +156,8 @@ def test_nodes_of_a_light():
     ob = white_probes()
     made = lamp("POINT", energy=50)
     plain = direct_on_faces(ob, 64)
-    made.data.use_nodes = True
+    if bpy.app.version < (5, 3, 0):  # newer lights always use nodes
+        made.data.use_nodes = True
     node = next(n for n in made.data.node_tree.nodes if n.bl_idname == "ShaderNodeEmission")
     node.inputs["Strength"].default_value, node.inputs["Color"].default_value = 2.0, (1.0, 0.5, 0.0, 1.0)
     np.testing.assert_allclose(direct_on_faces(ob, 64), plain * [2.0, 1.0, 0.0], rtol=1e-5)

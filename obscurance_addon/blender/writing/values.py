@@ -12,6 +12,7 @@ from ...core.order import BakedObject, OutputSettings, SharedMeshes
 from ..reading import same_faces
 from . import color_attribute
 from . import records as baked_record
+from .layers import undone_on_failure
 
 
 class SceneChangedError(ObscuranceError):
@@ -30,8 +31,9 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
         groups.setdefault(ob.data.session_uid, []).append(i)
     notes: list[str] = []
     copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
-    prepared: list[tuple[bpy.types.Mesh, str, str]] = []
-    try:
+    prepared: list[str] = []
+    with undone_on_failure() as undo:
+        undo.callback(rejoin, copies)
         jobs = []
         for members in groups.values():
             if output.shared_meshes is SharedMeshes.AVERAGE:
@@ -42,17 +44,13 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
             jobs += [(objects[i].data, values[i], baked[i]) for i in members]
         for mesh, _, _ in jobs:
             for name, domain in output.layers():
-                prepared.append((mesh, name, color_attribute.prepare(mesh, name, domain)))
-    except BaseException:
-        for made in prepared:
-            color_attribute.discard(*made)
-        rejoin(copies)
-        raise
+                prepared.append(color_attribute.prepare(mesh, name, domain))
+                undo.callback(color_attribute.discard, mesh, name, prepared[-1])
     layers = iter(prepared)
     for mesh, colours, source in jobs:
         for name, domain in output.layers():
             replaced = color_attribute.fill(
-                mesh, next(layers)[2], name, spread(colours, _start_of(source, domain, output))
+                mesh, next(layers), name, spread(colours, _start_of(source, domain, output))
             )
             if replaced:
                 notes.append(replaced)

@@ -6,7 +6,7 @@ import pytest
 
 from obscurance_addon.blender.reading import origins as carried_indices
 from obscurance_addon.blender.reading import scene as scene_geometry
-from obscurance_addon.blender.writing.color_attribute import AttributeNameError
+from obscurance_addon.blender.writing.layers import AttributeNameError
 from obscurance_addon.core.errors import GeometryError
 from obscurance_addon.core.falloff import Falloff
 from tests.blender.helpers import (

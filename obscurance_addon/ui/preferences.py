@@ -5,10 +5,9 @@ from __future__ import annotations
 import bpy
 from bpy.props import IntProperty, PointerProperty
 
-from ..blender.properties import ObscuranceSettings
+from ..blender.properties import ObscuranceSettings, property_again
 from ..blender.stored_preferences import ADDON
 from ..core.native_library import NAMES, why_missing
-from ..core.settings import MAX_THREADS
 from .operators import sentence
 from .settings_layout import draw_message, draw_settings
 
@@ -18,12 +17,8 @@ class ObscurancePreferences(bpy.types.AddonPreferences):
 
     bl_idname = ADDON
 
-    threads: IntProperty(
-        name="Threads",
-        description="Number of processors to use for scenes that leave it open. 0 uses all of them",
-        default=0,
-        min=0,
-        max=MAX_THREADS,
+    threads: property_again(
+        "threads", description="Number of processors to use for scenes that leave it open. 0 uses all of them"
     )
     cache_ceiling: IntProperty(
         name="Cache Ceiling (MiB)",

@@ -5,17 +5,12 @@ from __future__ import annotations
 import bpy
 
 from ..blender.display import activate_result, hide_result, lightmaps_are_shown, show_result, shows_result
+from ..blender.properties import EXPORT_FORMATS
 from ..blender.reading import ObjectModeGuard
 from ..blender.writing import LAYERS, ExportFormat, copy_for_export
 from ..core.errors import ObscuranceError
 from ..core.order import OutputSettings, Target
 from .operators import OnBakedMeshes, sentence
-
-_FORMATS = (
-    (ExportFormat.GLTF, "glTF", "Make the copy that arrives as COLOR_0, with values limited to 1"),
-    (ExportFormat.USD, "USD", "Make the copy that arrives as the display color"),
-    (ExportFormat.ALEMBIC, "Alembic", "Make the copy that arrives as the color set Cd, with 8 bits and values up to 1"),
-)
 
 
 class OBSCURANCE_OT_show_result(bpy.types.Operator):
@@ -72,9 +67,7 @@ class OBSCURANCE_OT_copy_for_export(OnBakedMeshes, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     format: bpy.props.EnumProperty(
-        name="Format",
-        description="Choose the file format to export to",
-        items=[(value.value, label, tip) for value, label, tip in _FORMATS],
+        name="Format", description="Choose the file format to export to", items=EXPORT_FORMATS
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:

@@ -15,7 +15,7 @@ from ...core.settings import MAX_RAYS_PER_PATCH, MAX_THREADS, BakeSettings
 from ..stored_preferences import preferred_threads
 from . import choices
 from .options import FIXED, KEYABLE, RELATIVE_PATH
-from .preview_properties import PreviewProperties
+from .preview import PreviewProperties
 
 _ESTIMATOR_NAMES = [field.name for field in dataclasses.fields(BakeSettings)]
 _LIGHT_NAMES = [field.name for field in dataclasses.fields(LightSettings)]

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-from . import records as baked_record
+from . import records
 from .layers import PENDING, check_text, made_layer, name_in_use
 
 
@@ -27,7 +27,7 @@ def check_name(ob: bpy.types.Object, name: str) -> None:
         When the name is empty, too long, reserved, or in use for something that must not be replaced.
     """
     check_text(name)
-    own_uv_map = baked_record.is_own_uv_map(ob.data, name)
+    own_uv_map = records.is_own_uv_map(ob.data, name)
     for kind, taken in (("vertex group", ob.vertex_groups), ("UV map", () if own_uv_map else ob.data.uv_layers)):
         if name in taken:
             raise name_in_use(ob, name, kind, f"attribute name, or rename the {kind}")

@@ -8,8 +8,7 @@ import bpy
 import numpy as np
 
 from ...core.order import BakedObject, OutputSettings
-from . import records as baked_record
-from . import uv_layer
+from . import records, uv_layer
 from .image import StagedImage, stage
 from .layers import undone_on_failure
 from .values import rejoin, separate, unchanged
@@ -65,7 +64,7 @@ def write_lightmap(
         image, notes = _land_with_uv(staged, objects, uv, output.attribute_name)
     for ob, of in zip(objects, baked, strict=True):
         uv_map = of.base.uv_map if uv is None else output.attribute_name
-        baked_record.remember(ob.data, output.attribute_name, stored, output.exposure, image, uv_map, uv is not None)
+        records.remember(ob.data, output.attribute_name, stored, output.exposure, image, uv_map, uv is not None)
     return WrittenLightmap(image.name, files, notes)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import records as baked_record
+from . import records
 from .color_attribute import choices_kept
 from .layers import PENDING, AttributeNameError, check_text, made_layer, name_in_use
 
@@ -26,9 +26,9 @@ def check_uv_name(ob: bpy.types.Object, name: str) -> None:
     if name in ob.vertex_groups:
         kind = "vertex group"
     elif name in mesh.uv_layers:
-        kind = "" if baked_record.is_own_uv_map(mesh, name) else "UV map"
+        kind = "" if records.is_own_uv_map(mesh, name) else "UV map"
     elif name in mesh.attributes:
-        kind = "" if baked_record.is_own_color(mesh, name) else "attribute"
+        kind = "" if records.is_own_color(mesh, name) else "attribute"
     else:
         kind = ""
     if kind:

@@ -10,8 +10,7 @@ import numpy as np
 from ...core.errors import ObscuranceError
 from ...core.order import BakedObject, OutputSettings, SharedMeshes
 from ..reading import same_faces
-from . import color_attribute
-from . import records as baked_record
+from . import color_attribute, records
 from .layers import undone_on_failure
 
 
@@ -54,7 +53,7 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
             )
             if replaced:
                 notes.append(replaced)
-            baked_record.remember(mesh, name, stored, output.exposure)
+            records.remember(mesh, name, stored, output.exposure)
         shown, shown_domain = output.layers()[0]
         if shown_domain != "FACE":  # only corner and point colours can be active in the viewport
             color_attribute.make_active(mesh, shown)
@@ -92,7 +91,7 @@ def refresh_values(
         colours = values(members[0]) if len(members) == 1 else np.mean([values(key) for key in members], axis=0)
         for name, domain in output.layers():
             color_attribute.fill(mesh, name, name, spread(colours, _start_of(baked[members[0]], domain, output)))
-            baked_record.remember(mesh, name, stored, output.exposure)
+            records.remember(mesh, name, stored, output.exposure)
     return written
 
 

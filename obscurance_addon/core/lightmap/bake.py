@@ -15,8 +15,9 @@ from ..scene import Patches, Surfaces, mean_reflectance
 from ..settings import BakeSettings
 from ..tracing import BLOCK_RAYS, EmbreeIntersector, Intersector, build_scene
 from .adaptive import AdaptiveTexels
+from .estimation import TexelCounts, bands_at_once, estimate_pages, finish_pages, texel_settings
+from .layout import AtlasLayout
 from .obscurances import TexelTracer, TexelValues
-from .pages import AtlasLayout, TexelCounts, bands_at_once, estimate_pages, finish_pages, texel_settings
 from .progress import TexelProgress
 from .settings import LightmapSettings
 from .texels import Texels

@@ -32,8 +32,9 @@ from ..scene import Patches, Surfaces, join_cells
 from ..settings import BakeSettings
 from ..tracing import BLOCK_RAYS, EmbreeIntersector, Intersector, build_scene
 from .bake import Lightmap, TexelObscurances, channels_as_grey, open_value
+from .estimation import bands_at_once, estimate_pages, finish_pages, texel_settings
+from .layout import AtlasLayout
 from .obscurances import TexelTracer, TexelValues, texel_triangles
-from .pages import AtlasLayout, bands_at_once, estimate_pages, finish_pages, texel_settings
 from .progress import TexelProgress
 from .settings import LightmapSettings
 from .texels import Texels

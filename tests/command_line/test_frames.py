@@ -10,7 +10,6 @@ import pytest
 from obscurance_addon.blender.animation.frame_cache import FrameCache, FrameCacheError
 from obscurance_addon.blender.animation.live_preview import PREVIEW
 from obscurance_addon.command_line import batch
-from obscurance_addon.core.updates import incremental as influence
 from tests.blender.helpers import FACE_LAYER, bake, colors, cube, floor
 
 FRAMES = 6
@@ -49,8 +48,7 @@ def test_every_frame_is_that_of_a_full_bake_and_plays_without_a_ray(scene, tmp_p
     objects = open_file(out)
     assert bpy.context.scene.obscurance.frame_cache == "//out_frames"
     with monkeypatch.context() as patch:
-        patch.setattr(influence, "IncrementalBake", None)
-        patch.setattr("obscurance_addon.blender.animation.frame_update.IncrementalBake", None)
+        patch.setattr("obscurance_addon.blender.animation.frame_update._BAKES", {})
         played = {}
         for frame in (1, 4, 2, FRAMES, 3):
             bpy.context.scene.frame_set(frame)

@@ -2,7 +2,7 @@
 
 The value of a patch depends on nothing farther than d_max from it. So only patches that near to where a changed object
 was or is are baked again, and what their rays meet among objects that stand still is known from before. The 2003 paper
-(section 5) keeps a list of influenced patches instead, see `influence_list`.
+(section 5) keeps a list of influenced patches instead, see `list_bake`.
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ import numpy as np
 class UpdateMode(enum.StrEnum):
     """How the patches that a change has influence on are found."""
 
-    EXACT = "EXACT"  # all that it can reach: `influence.IncrementalBake`
-    LIST = "LIST"  # the list of the 2003 paper: `influence_list.ListBake`
+    EXACT = "EXACT"  # all that it can reach: `incremental.IncrementalBake`
+    LIST = "LIST"  # the list of the 2003 paper: `list_bake.ListBake`
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,13 @@ class _Sidebar:
     bl_category = "Obscurances"
 
 
+class _Inner(_Sidebar):
+    """Panels inside of the first one."""
+
+    bl_parent_id = "OBSCURANCE_PT_bake"
+    bl_options = {"DEFAULT_CLOSED"}
+
+
 class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
     """Bake obscurances"""
 
@@ -63,13 +70,11 @@ class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
             ).action = "REMOVE" if applied else "ADD"
 
 
-class OBSCURANCE_PT_preview(_Sidebar, bpy.types.Panel):
+class OBSCURANCE_PT_preview(_Inner, bpy.types.Panel):
     """Keeps the result up to date while the scene changes"""
 
     bl_label = "Live Preview"
     bl_idname = "OBSCURANCE_PT_preview"
-    bl_parent_id = "OBSCURANCE_PT_bake"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header(self, context: bpy.types.Context) -> None:
         self.layout.prop(context.scene.obscurance, "live_preview", text="")
@@ -87,13 +92,11 @@ class OBSCURANCE_PT_preview(_Sidebar, bpy.types.Panel):
         layout.prop(settings, "frame_cache")
 
 
-class OBSCURANCE_PT_sampling(_Sidebar, bpy.types.Panel):
+class OBSCURANCE_PT_sampling(_Inner, bpy.types.Panel):
     """Settings that rarely need a change"""
 
     bl_label = "Sampling"
     bl_idname = "OBSCURANCE_PT_sampling"
-    bl_parent_id = "OBSCURANCE_PT_bake"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = align_labels(self.layout)
@@ -101,13 +104,11 @@ class OBSCURANCE_PT_sampling(_Sidebar, bpy.types.Panel):
             layout.prop(context.scene.obscurance, name)
 
 
-class OBSCURANCE_PT_export(_Sidebar, bpy.types.Panel):
+class OBSCURANCE_PT_export(_Inner, bpy.types.Panel):
     """Copies of the result for other programs"""
 
     bl_label = "Export"
     bl_idname = "OBSCURANCE_PT_export"
-    bl_parent_id = "OBSCURANCE_PT_bake"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, _context: bpy.types.Context) -> None:
         self.layout.operator_enum(OBSCURANCE_OT_copy_for_export.bl_idname, "format")

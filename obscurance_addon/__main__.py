@@ -17,10 +17,11 @@ def _run() -> int:
             f"obscurance: the bpy module does not load ({error}): pip install 'obscurance-addon[bpy]'", file=sys.stderr
         )
         return 1
-    from . import command_line, register
+    from . import register
+    from .command_line import main as run
 
     register()
-    return command_line.main(arguments)
+    return run(arguments)
 
 
 def main() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import bpy
 
 from ..blender.display import add_ambient, remove_ambient
-from ..blender.reading import ObjectModeGuard
+from ..blender.reading import in_object_mode
 from ..core.errors import ObscuranceError
-from .operators import OnBakedMeshes, sentence
+from .operators import OnBakedMeshes
 
 
 class OBSCURANCE_OT_apply_in_materials(OnBakedMeshes, bpy.types.Operator):
@@ -33,19 +33,15 @@ class OBSCURANCE_OT_apply_in_materials(OnBakedMeshes, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = context.scene.obscurance
-        guard = ObjectModeGuard(context)
         try:
-            if self.action == "REMOVE":
-                change = remove_ambient(context.selected_objects)
-            else:
-                change = add_ambient(context.selected_objects, settings.to_output())
+            with in_object_mode(context):
+                if self.action == "REMOVE":
+                    change = remove_ambient(context.selected_objects)
+                else:
+                    change = add_ambient(context.selected_objects, settings.to_output())
         except ObscuranceError as error:
-            self.report({"ERROR"}, sentence(str(error)))
-            return {"CANCELLED"}
-        finally:
-            guard.restore(context)
-        for note in change.notes:
-            self.report({"WARNING"}, sentence(note))
+            return self.fail(error)
+        self.warn(change.notes)
         self._tell(context, change.objects, change.changed)
         return {"FINISHED"} if change.changed else {"CANCELLED"}
 
@@ -65,11 +61,4 @@ class OBSCURANCE_OT_apply_in_materials(OnBakedMeshes, bpy.types.Operator):
                 )
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(OBSCURANCE_OT_apply_in_materials)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(OBSCURANCE_OT_apply_in_materials)
+register, unregister = bpy.utils.register_classes_factory((OBSCURANCE_OT_apply_in_materials,))

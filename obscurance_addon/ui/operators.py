@@ -6,10 +6,11 @@ import bpy
 
 from ..blender.jobs import BakeJob
 from ..blender.properties import property_again
-from ..blender.reading import SOLID_TYPES, ObjectModeGuard
+from ..blender.reading import SOLID_TYPES, ObjectModeGuard, in_object_mode
 from ..core.errors import ObscuranceError
 from ..core.native_library import why_missing
 from ..core.order import BakeReport
+from .messages import Reports, sentence
 
 _TICK_S = 0.05  # between looks at the job
 _POLL_S = 0.001  # what a look may wait
@@ -19,7 +20,7 @@ _ADJUST_S = 3.0  # a bake that took longer is not repeated at every touch of Adj
 _ADJUSTABLE = ("quantity", "use_bleeding", "distance_mode", "distance", "falloff", "rays", "scale")
 
 
-class OBSCURANCE_OT_bake(bpy.types.Operator):
+class OBSCURANCE_OT_bake(Reports, bpy.types.Operator):
     """The Bake button."""
 
     bl_idname = "obscurance.bake"
@@ -53,14 +54,11 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Bake to the end before returning, for scripts and background mode."""
-        guard = ObjectModeGuard(context)
         try:
-            report = self._start(context).run()
+            with in_object_mode(context):
+                report = self._start(context).run()
         except ObscuranceError as error:
-            self.report({"ERROR"}, sentence(str(error)))
-            return {"CANCELLED"}
-        finally:
-            guard.restore(context)
+            return self.fail(error)
         self._tell(report)
         return {"FINISHED"}
 
@@ -91,11 +89,8 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
             if not self._job.step(_POLL_S):
                 self._show_progress(context)
                 return {"PASS_THROUGH"}
-            guard = ObjectModeGuard(context)  # the user may have changed the mode meanwhile
-            try:
+            with in_object_mode(context):  # the user may have changed the mode meanwhile
                 report = self._job.commit()
-            finally:
-                guard.restore(context)
         except BaseException as error:
             return self._fail(context, error)
         self._finish(context)
@@ -150,8 +145,7 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
         self._finish(context)
         if not isinstance(error, ObscuranceError):
             raise error
-        self.report({"ERROR"}, sentence(str(error)))
-        return {"CANCELLED"}
+        return self.fail(error)
 
     def _show_progress(self, context: bpy.types.Context) -> None:
         remaining = self._job.remaining
@@ -173,13 +167,12 @@ class OBSCURANCE_OT_bake(bpy.types.Operator):
 
     def _tell(self, report: BakeReport) -> None:
         self.seconds = sum(report.seconds.values())
-        for warning in report.warnings:
-            self.report({"WARNING"}, sentence(warning))
+        self.warn(report.warnings)
         self.report({"INFO"}, report.summary())
 
 
-class OnBakedMeshes:
-    """Operators that need a selected mesh object."""
+class OnBakedMeshes(Reports):
+    """Part of operators that need a selected mesh object."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -189,20 +182,8 @@ class OnBakedMeshes:
         return True
 
 
-def sentence(text: str) -> str:
-    """A message of the core as Blender shows messages, with a capital letter."""
-    return text[:1].upper() + text[1:]
-
-
 for _name in _ADJUSTABLE:
     OBSCURANCE_OT_bake.__annotations__[_name] = property_again(_name, options={"SKIP_SAVE"})
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(OBSCURANCE_OT_bake)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(OBSCURANCE_OT_bake)
+register, unregister = bpy.utils.register_classes_factory((OBSCURANCE_OT_bake,))

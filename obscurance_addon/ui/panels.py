@@ -9,10 +9,11 @@ from ..blender.display import shows_ambient, shows_result
 from ..blender.writing import INDIRECT, indirect_exposure, what_is_stored
 from ..core.native_library import why_missing
 from .material_operators import OBSCURANCE_OT_apply_in_materials
-from .operators import OBSCURANCE_OT_bake, sentence
+from .messages import draw_message, sentence
+from .operators import OBSCURANCE_OT_bake
 from .presets import OBSCURANCE_PT_presets
 from .result_operators import OBSCURANCE_OT_copy_for_export, OBSCURANCE_OT_show_result
-from .settings_layout import draw_message, draw_settings
+from .settings_layout import align_labels, draw_settings
 
 
 class _Sidebar:
@@ -21,6 +22,13 @@ class _Sidebar:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Obscurances"
+
+
+class _Inner(_Sidebar):
+    """Panels inside of the first one."""
+
+    bl_parent_id = "OBSCURANCE_PT_bake"
+    bl_options = {"DEFAULT_CLOSED"}
 
 
 class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
@@ -33,9 +41,7 @@ class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
         OBSCURANCE_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = align_labels(self.layout)
         if missing := why_missing("embreex"):
             draw_message(layout.box(), sentence(f"the ray tracer {missing}"), "ERROR", context.region.width)
         meshes = [ob.name for ob in context.selected_objects if ob.type == "MESH"]
@@ -64,21 +70,17 @@ class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
             ).action = "REMOVE" if applied else "ADD"
 
 
-class OBSCURANCE_PT_preview(_Sidebar, bpy.types.Panel):
+class OBSCURANCE_PT_preview(_Inner, bpy.types.Panel):
     """Keeps the result up to date while the scene changes"""
 
     bl_label = "Live Preview"
     bl_idname = "OBSCURANCE_PT_preview"
-    bl_parent_id = "OBSCURANCE_PT_bake"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header(self, context: bpy.types.Context) -> None:
         self.layout.prop(context.scene.obscurance, "live_preview", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, settings = self.layout, context.scene.obscurance
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout, settings = align_labels(self.layout), context.scene.obscurance
         if settings.live_preview and PREVIEW.status:
             draw_message(layout, sentence(PREVIEW.status), "INFO", context.region.width)
         if settings.live_preview and not context.scene.render.use_lock_interface:
@@ -90,29 +92,23 @@ class OBSCURANCE_PT_preview(_Sidebar, bpy.types.Panel):
         layout.prop(settings, "frame_cache")
 
 
-class OBSCURANCE_PT_sampling(_Sidebar, bpy.types.Panel):
+class OBSCURANCE_PT_sampling(_Inner, bpy.types.Panel):
     """Settings that rarely need a change"""
 
     bl_label = "Sampling"
     bl_idname = "OBSCURANCE_PT_sampling"
-    bl_parent_id = "OBSCURANCE_PT_bake"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = align_labels(self.layout)
         for name in ("ray_budget", "sampler", "seed", "threads"):
             layout.prop(context.scene.obscurance, name)
 
 
-class OBSCURANCE_PT_export(_Sidebar, bpy.types.Panel):
+class OBSCURANCE_PT_export(_Inner, bpy.types.Panel):
     """Copies of the result for other programs"""
 
     bl_label = "Export"
     bl_idname = "OBSCURANCE_PT_export"
-    bl_parent_id = "OBSCURANCE_PT_bake"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, _context: bpy.types.Context) -> None:
         self.layout.operator_enum(OBSCURANCE_OT_copy_for_export.bl_idname, "format")

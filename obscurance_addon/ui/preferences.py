@@ -5,12 +5,11 @@ from __future__ import annotations
 import bpy
 from bpy.props import IntProperty, PointerProperty
 
-from ..blender.properties import ObscuranceSettings
+from ..blender.properties import ObscuranceSettings, property_again
 from ..blender.stored_preferences import ADDON
 from ..core.native_library import NAMES, why_missing
-from ..core.settings import MAX_THREADS
-from .operators import sentence
-from .settings_layout import draw_message, draw_settings
+from .messages import draw_message, sentence
+from .settings_layout import align_labels, draw_settings
 
 
 class ObscurancePreferences(bpy.types.AddonPreferences):
@@ -18,12 +17,8 @@ class ObscurancePreferences(bpy.types.AddonPreferences):
 
     bl_idname = ADDON
 
-    threads: IntProperty(
-        name="Threads",
-        description="Number of processors to use for scenes that leave it open. 0 uses all of them",
-        default=0,
-        min=0,
-        max=MAX_THREADS,
+    threads: property_again(
+        "threads", description="Number of processors to use for scenes that leave it open. 0 uses all of them"
     )
     cache_ceiling: IntProperty(
         name="Cache Ceiling (MiB)",
@@ -37,9 +32,7 @@ class ObscurancePreferences(bpy.types.AddonPreferences):
     defaults: PointerProperty(type=ObscuranceSettings)
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = align_labels(self.layout)
         for name in NAMES:
             missing = why_missing(name)
             text = f"{name} is ready" if missing is None else sentence(missing)
@@ -50,11 +43,4 @@ class ObscurancePreferences(bpy.types.AddonPreferences):
         draw_settings(layout.box().column(), self.defaults)
 
 
-def register() -> None:
-    """Register the preferences; Blender fills in what the user saved."""
-    bpy.utils.register_class(ObscurancePreferences)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(ObscurancePreferences)
+register, unregister = bpy.utils.register_classes_factory((ObscurancePreferences,))

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import bpy
 
 from ..blender.display import activate_result, hide_result, lightmaps_are_shown, show_result, shows_result
-from ..blender.reading import ObjectModeGuard
+from ..blender.properties import EXPORT_FORMATS
+from ..blender.reading import in_object_mode
 from ..blender.writing import LAYERS, ExportFormat, copy_for_export
 from ..core.errors import ObscuranceError
 from ..core.order import OutputSettings, Target
-from .operators import OnBakedMeshes, sentence
-
-_FORMATS = (
-    (ExportFormat.GLTF, "glTF", "Make the copy that arrives as COLOR_0, with values limited to 1"),
-    (ExportFormat.USD, "USD", "Make the copy that arrives as the display color"),
-    (ExportFormat.ALEMBIC, "Alembic", "Make the copy that arrives as the color set Cd, with 8 bits and values up to 1"),
-)
+from .messages import Reports
+from .operators import OnBakedMeshes
 
 
-class OBSCURANCE_OT_show_result(bpy.types.Operator):
+class OBSCURANCE_OT_show_result(Reports, bpy.types.Operator):
     """Show the baked result alone in this 3D view, without lights. Press again to get the former shading back"""
 
     bl_idname = "obscurance.show_result"
@@ -36,12 +34,8 @@ class OBSCURANCE_OT_show_result(bpy.types.Operator):
         output = context.scene.obscurance.to_output()
         hides = shows_result(context.space_data)
         touches_slots = lightmaps_are_shown() if hides else output.target is Target.LIGHTMAP
-        guard = ObjectModeGuard(context) if touches_slots else None
-        try:
+        with in_object_mode(context) if touches_slots else nullcontext():
             changed = hide_result(context.space_data) if hides else self._show(context, output)
-        finally:
-            if guard is not None:
-                guard.restore(context)
         if changed is None:
             return {"CANCELLED"}
         if changed:  # shading is not part of undo, what is active in meshes and materials is
@@ -51,8 +45,7 @@ class OBSCURANCE_OT_show_result(bpy.types.Operator):
     def _show(self, context: bpy.types.Context, output: OutputSettings) -> bool | None:
         """Whether the file was changed for it; None when there is nothing to show."""
         shown = activate_result(context.view_layer.objects, output)
-        for note in shown.notes:
-            self.report({"WARNING"}, sentence(note))
+        self.warn(shown.notes)
         if shown.count:
             show_result(context.space_data, output.target)
             return shown.changed
@@ -72,42 +65,23 @@ class OBSCURANCE_OT_copy_for_export(OnBakedMeshes, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     format: bpy.props.EnumProperty(
-        name="Format",
-        description="Choose the file format to export to",
-        items=[(value.value, label, tip) for value, label, tip in _FORMATS],
+        name="Format", description="Choose the file format to export to", items=EXPORT_FORMATS
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         export_format = ExportFormat(self.format)
-        guard = ObjectModeGuard(context)
         try:
-            names, cut, replaced = copy_for_export(
-                context.selected_objects, context.scene.obscurance.to_output(), export_format
-            )
+            with in_object_mode(context):
+                output = context.scene.obscurance.to_output()
+                names, cut, replaced = copy_for_export(context.selected_objects, output, export_format)
         except ObscuranceError as error:
-            self.report({"ERROR"}, sentence(str(error)))
-            return {"CANCELLED"}
-        finally:
-            guard.restore(context)
+            return self.fail(error)
         layer = LAYERS[export_format].name
         self.report({"INFO"}, f"Copied to '{layer}': {', '.join(map(repr, names))}")
-        for note in replaced:
-            self.report({"WARNING"}, sentence(note))
+        self.warn(replaced)
         if cut:
             self.report({"WARNING"}, f"{cut:,} face corners were brighter than 1, which '{layer}' cannot hold")
         return {"FINISHED"}
 
 
-_CLASSES = (OBSCURANCE_OT_show_result, OBSCURANCE_OT_copy_for_export)
-
-
-def register() -> None:
-    """Register the operators."""
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory((OBSCURANCE_OT_show_result, OBSCURANCE_OT_copy_for_export))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import textwrap
-
 import bpy
 
-_CHARACTER_PX = 7.0  # of the interface font at scale 1, on average
-_MARGIN_PX = 60.0  # icon and borders
+
+def align_labels(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """The same layout with labels in a column of their own, and no buttons to key values with."""
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    return layout
 
 
 def draw_settings(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
@@ -76,12 +78,3 @@ def _draw_lightmap(column: bpy.types.UILayout, settings: bpy.types.PropertyGroup
     if settings.uv_mode == "KEEP":
         column.prop(settings, "uv_map")
     column.prop(settings, "margin")
-
-
-def draw_message(layout: bpy.types.UILayout, text: str, icon: str, width: float) -> None:
-    """A message broken into lines that fit a region of `width` pixels."""
-    scale = bpy.context.preferences.system.ui_scale
-    per_line = max(int((width / scale - _MARGIN_PX) / _CHARACTER_PX), 12)
-    column = layout.column(align=True)
-    for i, line in enumerate(textwrap.wrap(text, per_line)):
-        column.label(text=line, icon=icon if i == 0 else "BLANK1")

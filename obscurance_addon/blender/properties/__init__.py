@@ -3,6 +3,8 @@
 In goes what the user sets. Out come the settings of the core.
 """
 
+from . import scene_settings
+from .choices import EXPORT_FORMATS
 from .scene_settings import ObscuranceSettings, property_again, setting_names
 
-__all__ = ["ObscuranceSettings", "property_again", "setting_names"]
+__all__ = ["EXPORT_FORMATS", "ObscuranceSettings", "property_again", "scene_settings", "setting_names"]

@@ -8,6 +8,7 @@ from ...core.lightmap import UvMode
 from ...core.order import ImageFormat, Scale, SharedMeshes, Target
 from ...core.settings import Sampler
 from ...core.updates import UpdateMode
+from ..writing import ExportFormat
 
 
 def _items(*choices: tuple) -> list[tuple[str, str, str]]:
@@ -85,4 +86,9 @@ DISTANCE_MODES = _items(
 UPDATE_MODES = _items(
     (UpdateMode.EXACT, "Exactly", "All faces that what moves can reach, so that the result is that of a full bake"),
     (UpdateMode.LIST, "2003 List", "Faces on the list of the published method, which misses some, as a comparison"),
+)
+EXPORT_FORMATS = _items(
+    (ExportFormat.GLTF, "glTF", "Make the copy that arrives as COLOR_0, with values limited to 1"),
+    (ExportFormat.USD, "USD", "Make the copy that arrives as the display color"),
+    (ExportFormat.ALEMBIC, "Alembic", "Make the copy that arrives as the color set Cd, with 8 bits and values up to 1"),
 )

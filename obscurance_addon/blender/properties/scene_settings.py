@@ -14,13 +14,8 @@ from ...core.order import MAX_EXPOSURE, OutputSettings
 from ...core.settings import MAX_RAYS_PER_PATCH, MAX_THREADS, BakeSettings
 from ..stored_preferences import preferred_threads
 from . import choices
-from .preview_properties import PreviewProperties
-
-# What may change over time without a surprise. Where results go, and how they are computed, may not.
-_KEYABLE: set[str] = {"ANIMATABLE"}
-_FIXED: set[str] = set()
-# Of paths that may begin with //; older versions take them without being told.
-_RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else _FIXED
+from .options import FIXED, KEYABLE, RELATIVE_PATH
+from .preview import PreviewProperties
 
 _ESTIMATOR_NAMES = [field.name for field in dataclasses.fields(BakeSettings)]
 _LIGHT_NAMES = [field.name for field in dataclasses.fields(LightSettings)]
@@ -32,20 +27,20 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
     """Everything a bake needs to know, saved in the .blend."""
 
     quantity: EnumProperty(
-        name="Quantity", description="Choose what is stored", items=choices.QUANTITIES, options=_FIXED
+        name="Quantity", description="Choose what is stored", items=choices.QUANTITIES, options=FIXED
     )
     ambient: EnumProperty(
         name="Ambient From",
         description="Choose what the brightness of the ambient light is computed from",
         items=choices.AMBIENTS,
-        options=_KEYABLE,
+        options=KEYABLE,
     )
     reflector_mode: EnumProperty(
         name="Reflectors",
         description="Choose how many surfaces pass on the direct light that they receive, before the rest becomes "
         "ambient light. It matters where lamps stand close to a surface",
         items=choices.REFLECTOR_MODES,
-        options=_KEYABLE,
+        options=KEYABLE,
     )
     reflectors: IntProperty(
         name="Number",
@@ -53,13 +48,13 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         default=64,
         min=0,
         max=MAX_REFLECTORS,
-        options=_KEYABLE,
+        options=KEYABLE,
     )
     indirect_only: BoolProperty(
         name="Indirect Only",
         description="Leave direct light and emission out of radiosity, to compare it with ambient light",
         default=False,
-        options=_FIXED,
+        options=FIXED,
     )
     exposure: FloatProperty(
         name="Exposure",
@@ -70,19 +65,19 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         max=MAX_EXPOSURE,
         soft_min=-10.0,
         soft_max=10.0,
-        options=_KEYABLE,
+        options=KEYABLE,
     )
     use_bleeding: BoolProperty(
         name="Color Bleeding",
         description="Surfaces tint their surroundings with their own color; without it the result is gray",
         default=True,
-        options=_KEYABLE,
+        options=KEYABLE,
     )
     distance_mode: EnumProperty(
         name="Distance Mode",
         description="Choose whether the reach of the rays follows from the size of the scene",
         items=choices.DISTANCE_MODES,
-        options=_KEYABLE,
+        options=KEYABLE,
     )
     distance: FloatProperty(
         name="Distance",
@@ -92,13 +87,13 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         soft_min=0.001,
         unit="LENGTH",
         subtype="DISTANCE",
-        options=_KEYABLE,
+        options=KEYABLE,
     )
     falloff: EnumProperty(
         name="Falloff",
         description="Choose how the influence of a surface fades with its distance",
         items=choices.FALLOFFS,
-        options=_KEYABLE,
+        options=KEYABLE,
     )
     rays: IntProperty(
         name="Rays",
@@ -108,7 +103,7 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         min=1,
         max=MAX_RAYS_PER_PATCH,
         soft_max=4096,
-        options=_KEYABLE,
+        options=KEYABLE,
     )
     ray_budget: IntProperty(
         name="Ray Budget",
@@ -116,27 +111,27 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         "vertex the number of rays above",
         default=0,
         min=0,
-        options=_FIXED,
+        options=FIXED,
     )
     target: EnumProperty(
         name="Target",
         description="Choose what gets a color of its own",
         items=choices.TARGETS,
-        options=_FIXED,
+        options=FIXED,
     )
     attribute_name: StringProperty(
         name="Attribute",
         description="Name of the color attribute, or of lightmap and UV map, that hold the result. What an earlier "
         "bake made of that name is overwritten",
         default="Obscurance",
-        options=_FIXED,
+        options=FIXED,
     )
     corner_copy: BoolProperty(
         name="Viewport Copy",
         description="Write the colors of faces to their corners as well, where the viewport, painting and exporters "
         "can see them",
         default=True,
-        options=_FIXED,
+        options=FIXED,
     )
     lightmap_size: IntProperty(
         name="Size",
@@ -145,13 +140,13 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         min=MIN_SIZE,
         max=MAX_SIZE,
         step=256,
-        options=_FIXED,
+        options=FIXED,
     )
     resolution_mode: EnumProperty(
         name="Resolution",
         description="Choose what sets the number of texels on a surface",
         items=choices.RESOLUTIONS,
-        options=_FIXED,
+        options=FIXED,
     )
     texels_per_metre: FloatProperty(
         name="Texels per Metre",
@@ -159,18 +154,18 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         default=64.0,
         min=1e-3,
         soft_max=1024.0,
-        options=_FIXED,
+        options=FIXED,
     )
     uv_mode: EnumProperty(
         name="UV Map",
         description="Choose where faces lie in the lightmap",
         items=choices.UV_MODES,
-        options=_FIXED,
+        options=FIXED,
     )
     uv_map: StringProperty(
         name="Name",
         description="Name of the UV map to keep. Empty takes the one that each mesh renders with",
-        options=_FIXED,
+        options=FIXED,
     )
     margin: IntProperty(
         name="Margin",
@@ -178,14 +173,14 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         default=LightmapSettings.margin,
         min=0,
         max=MAX_MARGIN,
-        options=_FIXED,
+        options=FIXED,
     )
     adaptive: BoolProperty(
         name="Adaptive",
         description="Cast rays from few texels where the surroundings are far and smooth, and interpolate the others. "
         "Without it rays leave every texel, as a reference",
         default=True,
-        options=_FIXED,
+        options=FIXED,
     )
     error_bound: FloatProperty(
         name="Error Bound",
@@ -194,44 +189,44 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         min=MIN_ERROR_BOUND,
         max=MAX_ERROR_BOUND,
         precision=4,
-        options=_FIXED,
+        options=FIXED,
     )
     image_path: StringProperty(
         name="Image",
         description="File to save the lightmap to, // being the folder of the .blend. Empty packs it into the .blend",
         subtype="FILE_PATH",
-        options=_RELATIVE_PATH,
+        options=RELATIVE_PATH,
     )
     image_format: EnumProperty(
         name="Format",
         description="Choose how the colors of the lightmap are stored",
         items=choices.IMAGE_FORMATS,
-        options=_FIXED,
+        options=FIXED,
     )
     scale: EnumProperty(
         name="Scale",
         description="Choose which value an open face gets",
         items=choices.SCALES,
-        options=_KEYABLE,
+        options=KEYABLE,
     )
     shared_meshes: EnumProperty(
         name="Shared Meshes",
         description="Choose what happens to a mesh that several objects use",
         items=choices.SHARED,
-        options=_FIXED,
+        options=FIXED,
     )
     sampler: EnumProperty(
         name="Sampler",
         description="Choose where rays start and go",
         items=choices.SAMPLERS,
-        options=_FIXED,
+        options=FIXED,
     )
     seed: IntProperty(
         name="Seed",
         description="Number that picks the rays. The same seed casts the same rays",
         default=0,
         min=0,
-        options=_KEYABLE,
+        options=KEYABLE,
     )
     threads: IntProperty(
         name="Threads",
@@ -239,7 +234,7 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         default=0,
         min=0,
         max=MAX_THREADS,
-        options=_FIXED,
+        options=FIXED,
     )
 
     def to_settings(self, **changes: object) -> BakeSettings:

@@ -4,7 +4,7 @@ In go a context and the objects to bake. Out comes a snapshot of plain arrays, w
 """
 
 from .meshes import read_face_start, read_mesh, same_faces
-from .object_mode import ObjectModeGuard
+from .object_mode import ObjectModeGuard, in_object_mode
 from .objects import SOLID_TYPES, SceneReader, instance_key, materials_of, names_of
 from .origins import keeps_links
 from .scene import snapshot_scene
@@ -14,6 +14,7 @@ __all__ = [
     "SOLID_TYPES",
     "ObjectModeGuard",
     "SceneReader",
+    "in_object_mode",
     "instance_key",
     "keeps_links",
     "materials_of",

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import bpy
 
 
@@ -36,3 +39,13 @@ class ObjectModeGuard:
         for ob in objects:
             ob.select_set(ob.name in selected)
         self._mode = "OBJECT"
+
+
+@contextmanager
+def in_object_mode(context: bpy.types.Context) -> Iterator[None]:
+    """Object mode for the time of a block."""
+    guard = ObjectModeGuard(context)
+    try:
+        yield
+    finally:
+        guard.restore(context)

@@ -14,21 +14,8 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-from ...core.errors import ObscuranceError
-from . import records as baked_record
-
-MAX_NAME_BYTES = 60  # Blender keeps 67, and names of temporary layers add to it
-PENDING = ".baking"  # suffix of a new layer until its values are in
-
-# Blender gives these a meaning of its own; a colour there would destroy what they hold.
-_BUILT_IN = {
-    "position", "material_index", "sharp_edge", "sharp_face", "crease_edge", "crease_vert", "bevel_weight_edge",
-    "bevel_weight_vert", "custom_normal", "freestyle_edge", "freestyle_face", "uv_seam", "velocity", "id", "radius",
-}  # fmt: skip
-
-
-class AttributeNameError(ObscuranceError):
-    """The chosen name cannot hold a colour on some object."""
+from . import records
+from .layers import PENDING, check_text, made_layer, name_in_use
 
 
 def check_name(ob: bpy.types.Object, name: str) -> None:
@@ -40,24 +27,10 @@ def check_name(ob: bpy.types.Object, name: str) -> None:
         When the name is empty, too long, reserved, or in use for something that must not be replaced.
     """
     check_text(name)
-    own_uv_map = baked_record.is_own_uv_map(ob.data, name)
+    own_uv_map = records.is_own_uv_map(ob.data, name)
     for kind, taken in (("vertex group", ob.vertex_groups), ("UV map", () if own_uv_map else ob.data.uv_layers)):
         if name in taken:
-            raise AttributeNameError(
-                f"object '{ob.name}' has a {kind} named '{name}', which a bake must not replace: choose another "
-                f"attribute name, or rename the {kind}"
-            )
-
-
-def check_text(name: str) -> None:
-    """Make sure that Blender takes a name for an attribute; raises AttributeNameError."""
-    if not name.strip():
-        raise AttributeNameError("the attribute needs a name: enter one, for example 'Obscurance'")
-    if len(name.encode()) > MAX_NAME_BYTES:
-        excess = len(name.encode()) - MAX_NAME_BYTES
-        raise AttributeNameError(f"the attribute name '{name}' is {excess} bytes too long: choose a shorter one")
-    if name.startswith(".") or name in _BUILT_IN:
-        raise AttributeNameError(f"the attribute name '{name}' is reserved by Blender: choose another one")
+            raise name_in_use(ob, name, kind, f"attribute name, or rename the {kind}")
 
 
 def prepare(mesh: bpy.types.Mesh, name: str, domain: str, data_type: str = "FLOAT_COLOR") -> str:
@@ -74,9 +47,7 @@ def prepare(mesh: bpy.types.Mesh, name: str, domain: str, data_type: str = "FLOA
         return name
     with choices_kept(mesh):
         made = mesh.attributes.new(name + PENDING, data_type, domain)
-        if made is None:
-            raise AttributeNameError(f"mesh '{mesh.name}' takes no attribute named '{name}': choose another name")
-        return made.name  # numbered when a layer of the user's has this name
+        return made_layer(mesh, name, "attribute", made)
 
 
 def discard(mesh: bpy.types.Mesh, name: str, layer: str) -> None:

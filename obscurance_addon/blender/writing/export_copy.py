@@ -18,6 +18,7 @@ import numpy as np
 from ...core.errors import ObscuranceError
 from ...core.order import OutputSettings
 from . import color_attribute
+from .layers import undone_on_failure
 
 
 class ExportFormat(enum.StrEnum):
@@ -92,17 +93,13 @@ def copy_for_export(
             f"{target.lower()}s that could be copied: bake first, with target and attribute as they are set now"
         )
     meshes = [obs[0].data for obs in users.values()]
-    prepared: list[tuple[bpy.types.Mesh, str, str]] = []
-    try:
+    prepared: list[tuple[bpy.types.Mesh, str]] = []
+    with undone_on_failure() as undo:
         for mesh in meshes:
-            made = color_attribute.prepare(mesh, layer.name, "CORNER", layer.data_type)
-            prepared.append((mesh, layer.name, made))
-    except BaseException:
-        for made in prepared:
-            color_attribute.discard(*made)
-        raise
+            prepared.append((mesh, color_attribute.prepare(mesh, layer.name, "CORNER", layer.data_type)))
+            undo.callback(color_attribute.discard, mesh, layer.name, prepared[-1][1])
     cut, replaced = 0, []
-    for mesh, _, made in prepared:
+    for mesh, made in prepared:
         colours = _corner_colours(mesh, output.attribute_name)
         if layer.limited:
             cut += np.count_nonzero((colours > 1.0).any(1))

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 
 from ...core.order import BakedObject, OutputSettings
-from . import records as baked_record
-from . import uv_layer
+from . import records, uv_layer
 from .image import StagedImage, stage
+from .layers import undone_on_failure
 from .values import rejoin, separate, unchanged
 
 
@@ -64,7 +64,7 @@ def write_lightmap(
         image, notes = _land_with_uv(staged, objects, uv, output.attribute_name)
     for ob, of in zip(objects, baked, strict=True):
         uv_map = of.base.uv_map if uv is None else output.attribute_name
-        baked_record.remember(ob.data, output.attribute_name, stored, output.exposure, image, uv_map, uv is not None)
+        records.remember(ob.data, output.attribute_name, stored, output.exposure, image, uv_map, uv is not None)
     return WrittenLightmap(image.name, files, notes)
 
 
@@ -79,23 +79,20 @@ def _land_with_uv(
     """Land the image and write a UV map for each object, all or nothing."""
     notes: list[str] = []
     copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
-    prepared: list[tuple[bpy.types.Mesh, str, str]] = []
+    prepared: list[tuple[bpy.types.Mesh, str]] = []
     groups: dict[int, list[bpy.types.Object]] = {}
     for ob in objects:
         groups.setdefault(ob.data.session_uid, []).append(ob)
-    try:
+    with undone_on_failure() as undo:
+        undo.callback(rejoin, copies)
+        undo.callback(staged.discard)
         for users in groups.values():
             separate(users, copies, notes)
-        for ob in objects:  # one by one, so that a failure finds what was made before it
-            prepared.append((ob.data, name, uv_layer.prepare(ob.data, name)))  # noqa: PERF401
+        for ob in objects:
+            prepared.append((ob.data, uv_layer.prepare(ob.data, name)))
+            undo.callback(uv_layer.discard, ob.data, name, prepared[-1][1])
         image = staged.land()
-    except BaseException:
-        staged.discard()
-        for made in prepared:
-            uv_layer.discard(*made)
-        rejoin(copies)
-        raise
-    for (mesh, _, layer), values in zip(prepared, uv, strict=True):
+    for (mesh, layer), values in zip(prepared, uv, strict=True):
         replaced = uv_layer.fill(mesh, layer, name, values)
         if replaced:
             notes.append(replaced)

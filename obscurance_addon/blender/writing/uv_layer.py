@@ -5,8 +5,9 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import records as baked_record
-from .color_attribute import PENDING, AttributeNameError, check_text, choices_kept
+from . import records
+from .color_attribute import choices_kept
+from .layers import PENDING, AttributeNameError, check_text, made_layer, name_in_use
 
 MAX_UV_MAPS = 8  # Blender's limit
 
@@ -25,16 +26,13 @@ def check_uv_name(ob: bpy.types.Object, name: str) -> None:
     if name in ob.vertex_groups:
         kind = "vertex group"
     elif name in mesh.uv_layers:
-        kind = "" if baked_record.is_own_uv_map(mesh, name) else "UV map"
+        kind = "" if records.is_own_uv_map(mesh, name) else "UV map"
     elif name in mesh.attributes:
-        kind = "" if baked_record.is_own_color(mesh, name) else "attribute"
+        kind = "" if records.is_own_color(mesh, name) else "attribute"
     else:
         kind = ""
     if kind:
-        cure = ", or keep that UV map" if kind == "UV map" else ""
-        raise AttributeNameError(
-            f"object '{ob.name}' has a {kind} named '{name}', which a bake must not replace: choose another name{cure}"
-        )
+        raise name_in_use(ob, name, kind, "name, or keep that UV map" if kind == "UV map" else "name")
     if len(mesh.uv_layers) >= MAX_UV_MAPS and name not in mesh.uv_layers:
         raise AttributeNameError(
             f"object '{ob.name}' has {MAX_UV_MAPS} UV maps, and Blender allows no more: remove one, or keep one for "
@@ -48,9 +46,7 @@ def prepare(mesh: bpy.types.Mesh, name: str) -> str:
         return name
     render = _render_map(mesh)
     made = mesh.uv_layers.new(name=name + PENDING, do_init=False)
-    if made is None:
-        raise AttributeNameError(f"mesh '{mesh.name}' takes no UV map named '{name}': choose another name")
-    layer = made.name
+    layer = made_layer(mesh, name, "UV map", made)
     if render:
         mesh.uv_layers[render].active_render = True
     return layer

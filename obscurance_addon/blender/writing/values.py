@@ -10,8 +10,8 @@ import numpy as np
 from ...core.errors import ObscuranceError
 from ...core.order import BakedObject, OutputSettings, SharedMeshes
 from ..reading import same_faces
-from . import color_attribute
-from . import records as baked_record
+from . import color_attribute, records
+from .layers import undone_on_failure
 
 
 class SceneChangedError(ObscuranceError):
@@ -30,8 +30,9 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
         groups.setdefault(ob.data.session_uid, []).append(i)
     notes: list[str] = []
     copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
-    prepared: list[tuple[bpy.types.Mesh, str, str]] = []
-    try:
+    prepared: list[str] = []
+    with undone_on_failure() as undo:
+        undo.callback(rejoin, copies)
         jobs = []
         for members in groups.values():
             if output.shared_meshes is SharedMeshes.AVERAGE:
@@ -42,21 +43,17 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
             jobs += [(objects[i].data, values[i], baked[i]) for i in members]
         for mesh, _, _ in jobs:
             for name, domain in output.layers():
-                prepared.append((mesh, name, color_attribute.prepare(mesh, name, domain)))
-    except BaseException:
-        for made in prepared:
-            color_attribute.discard(*made)
-        rejoin(copies)
-        raise
+                prepared.append(color_attribute.prepare(mesh, name, domain))
+                undo.callback(color_attribute.discard, mesh, name, prepared[-1])
     layers = iter(prepared)
     for mesh, colours, source in jobs:
         for name, domain in output.layers():
             replaced = color_attribute.fill(
-                mesh, next(layers)[2], name, spread(colours, _start_of(source, domain, output))
+                mesh, next(layers), name, spread(colours, _start_of(source, domain, output))
             )
             if replaced:
                 notes.append(replaced)
-            baked_record.remember(mesh, name, stored, output.exposure)
+            records.remember(mesh, name, stored, output.exposure)
         shown, shown_domain = output.layers()[0]
         if shown_domain != "FACE":  # only corner and point colours can be active in the viewport
             color_attribute.make_active(mesh, shown)
@@ -94,7 +91,7 @@ def refresh_values(
         colours = values(members[0]) if len(members) == 1 else np.mean([values(key) for key in members], axis=0)
         for name, domain in output.layers():
             color_attribute.fill(mesh, name, name, spread(colours, _start_of(baked[members[0]], domain, output)))
-            baked_record.remember(mesh, name, stored, output.exposure)
+            records.remember(mesh, name, stored, output.exposure)
     return written
 
 

@@ -11,13 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import GeometryError
 from ..monitor import Monitor
 from ..obscurance import error_sample, half_difference, obscurances_in
 from ..sampling import allocate_rays
-from ..scene import Normalisation, Patches, Surfaces, fill_invalid, mean_reflectance, prepare_cells
+from ..scene import Patches, Surfaces, fill_invalid, mean_reflectance, prepare_cells
 from ..settings import BakeSettings
-from ..tracing import BLOCK_RAYS, EmbreeIntersector, Intersector, TracedScene, build_scene
+from ..tracing import BLOCK_RAYS, BuiltScene, EmbreeIntersector, Intersector, build_scene
 from .direct import LitScene
 from .emitters import EmissiveTriangles
 from .indirect import IndirectLight, light_by_obscurances, light_by_radiosity
@@ -58,7 +57,7 @@ def bake_light(
     settings : BakeSettings
     light : LightSettings
     neighbours, monitor, intersector, block_rays
-        As for `core.obscurance.bake_obscurances`.
+        As for `bake_obscurances`.
 
     Raises
     ------
@@ -67,8 +66,6 @@ def bake_light(
     BakeCancelledError
         When the monitor says so.
     """
-    if not len(patches):
-        raise GeometryError("there is no face to bake")
     monitor = monitor or Monitor()
     quantity, n_baked = light.quantity, len(patches)
     if quantity is Quantity.RADIOSITY:
@@ -76,15 +73,13 @@ def bake_light(
             n_baked + len(others), len(others) * settings.rays + (settings.ray_budget or settings.rays * n_baked)
         )
     began = time.perf_counter()
-    traced, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector, whole=True)
-    scene = lit_scene(traced, normalisation, patches.with_others(others), sources, settings)
+    bare = build_scene(surfaces, patches, settings, monitor, intersector, whole=True)
+    scene = lit_scene(bare, patches.with_others(others), sources, settings)
     built = time.perf_counter()
     obscurances = None
     if quantity in _WITH_AMBIENT:
         obscurances = obscurances_in(
-            traced,
-            normalisation,
-            d_max,
+            bare,
             surfaces,
             patches.ids,
             settings,
@@ -98,14 +93,14 @@ def bake_light(
         scene,
         materials,
         error_sample(patches.ids),
-        normalisation.scale,
+        bare.normalisation.scale,
         settings,
-        least_for_others=settings.rays if quantity is Quantity.RADIOSITY else 0,
+        light,
         valid=None if obscurances is None else obscurances.sums.valid,
         monitor=monitor,
         block_rays=block_rays,
     )
-    emitted = lit.whole_area @ materials.emission + sum(lamp.flux() for lamp in sources.lamps)
+    emitted = lit.emitted(sources)
     indirect = None
     if obscurances is not None:
         indirect = light_by_obscurances(lit, obscurances, emitted, settings, light, monitor)
@@ -127,7 +122,7 @@ def bake_light(
         r_ave=obscurances.r_ave
         if obscurances
         else mean_reflectance(surfaces, lit.whole_area[:n_baked], exposed, materials.reflectance[:n_baked]),
-        d_max=d_max,
+        d_max=bare.d_max,
         rays=sum(part.rays for part in parts),
         error_rays=sum(part.error_rays for part in parts),
         ambient=indirect.ambient if indirect else None,
@@ -138,10 +133,9 @@ def bake_light(
     )
 
 
-def lit_scene(
-    traced: TracedScene, normalisation: Normalisation, patches: Patches, sources: LightSources, settings: BakeSettings
-) -> LitScene:
+def lit_scene(scene: BuiltScene, patches: Patches, sources: LightSources, settings: BakeSettings) -> LitScene:
     """The traced scene with rays leaving all patches, and its light in normalised coordinates."""
+    traced, normalisation = scene.traced, scene.normalisation
     cells = prepare_cells(patches, normalisation, settings.thread_count())
     emitters = EmissiveTriangles(traced.surfaces) if (traced.surfaces.emission > 0.0).any() else None
     lamps = tuple(lamp.normalised(normalisation) for lamp in sources.lamps)

@@ -68,31 +68,30 @@ def light_up_faces(
 ) -> LitFaces:
     """Find what faces scatter and, unless direct light alone is asked for, who passes it on and the ambient light."""
     reflectance, emission = materials.reflectance[:n_faces], materials.emission[:n_faces]
-    area = scene.traced.cells.area * metres_per_unit**2
     lit = light_up(
         scene,
         materials,
         np.zeros(0, bool),
         metres_per_unit,
         settings,
-        least_for_others=settings.rays if light.quantity is Quantity.RADIOSITY else 0,
+        light,
         valid=None,
         monitor=monitor,
         block_rays=BLOCK_RAYS,
     )
-    emitted = lit.whole_area @ materials.emission + sum(lamp.flux() for lamp in sources.lamps)
+    emitted = lit.emitted(sources)
     found = LitFaces(
         lit,
         scene,
         reflectance,
         emission,
-        mean_reflectance(surfaces, area[:n_faces], lit.direct.valid[:n_faces], reflectance),
+        mean_reflectance(surfaces, lit.whole_area[:n_faces], lit.direct.valid[:n_faces], reflectance),
         light_warnings(lit, emitted, light),
         rays=lit.rays,
         error_rays=lit.error_rays,
     )
     if light.quantity is Quantity.RADIOSITY:
-        per_patch = np.full(len(area), settings.rays)
+        per_patch = np.full(len(lit.area), settings.rays)
         monitor.phase("radiosity", int(per_patch.sum()))
         factors = gather_form_factors(scene, per_patch, lit.direct.valid, settings, progress=monitor.advance)
         indirect = solve_radiosity(factors, materials.reflectance, lit.unshot, check=lambda: monitor.advance(0))

@@ -10,7 +10,8 @@ from ..monitor import Monitor
 from ..sampling import allocate_rays
 from ..settings import BakeSettings
 from .direct import OPENNESS_RAYS, DirectLight, LitScene, gather_direct_light, share_by_area
-from .records import PatchMaterials
+from .records import LightSources, PatchMaterials
+from .settings import LightSettings, Quantity
 
 OTHERS_SAMPLES = 1 << 17  # for each source, shared out by area over the surfaces that are not baked
 MAX_OTHER_SAMPLES = 4096  # of them for one patch
@@ -52,6 +53,10 @@ class LitPatches:
         """The patches to bake."""
         return slice(0, len(self.sample))
 
+    def emitted(self, sources: LightSources) -> np.ndarray:
+        """What surfaces and lamps emit, (3,) W."""
+        return self.whole_area @ self.materials.emission + sum(lamp.flux() for lamp in sources.lamps)
+
     def unshot_filled(self) -> np.ndarray:
         """`unshot_again` with `unshot` where there is none, (p, 3) float64."""
         return np.where(np.isnan(self.unshot_again), self.unshot, self.unshot_again)
@@ -69,8 +74,8 @@ def light_up(
     sample: np.ndarray,
     metres_per_unit: float,
     settings: BakeSettings,
+    light: LightSettings,
     *,
-    least_for_others: int,
     valid: np.ndarray | None,
     monitor: Monitor,
     block_rays: int,
@@ -87,15 +92,16 @@ def light_up(
         Of normalised coordinates.
     settings : BakeSettings
         Rays of what is baked.
-    least_for_others : int
-        Samples at least of each patch that is not baked.
+    light : LightSettings
+        For radiosity, patches that are not baked have no fewer samples than others.
     valid : ndarray, (n,) float64, or None
         Shares outside of solids where they are known; then openness is asked for too.
     monitor, block_rays
-        As for `core.obscurance.bake_obscurances`.
+        As for `bake_obscurances`.
     """
     area, n_baked = scene.traced.cells.area, len(sample)
     others = share_by_area(area[n_baked:], OTHERS_SAMPLES, MAX_OTHER_SAMPLES)
+    least_for_others = settings.rays if light.quantity is Quantity.RADIOSITY else 0
     per_patch = np.concatenate([allocate_rays(area[:n_baked], settings), np.maximum(others, least_for_others)])
     twice = np.ones(len(area), bool)
     twice[:n_baked] = sample

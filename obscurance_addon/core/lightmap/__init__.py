@@ -5,8 +5,8 @@ with their margins, and counts.
 """
 
 from .bake import Lightmap, bake_lightmap
+from .layout import AtlasLayout
 from .light import bake_light_map
-from .pages import AtlasLayout
 from .settings import MAX_ERROR_BOUND, MAX_MARGIN, MAX_SIZE, MIN_ERROR_BOUND, MIN_SIZE, LightmapSettings, UvMode
 from .triangles import charts_of
 from .unwrapping import UnwrapMesh, unwrap

@@ -15,8 +15,9 @@ from ..scene import Patches, Surfaces, mean_reflectance
 from ..settings import BakeSettings
 from ..tracing import BLOCK_RAYS, EmbreeIntersector, Intersector, build_scene
 from .adaptive import AdaptiveTexels
+from .estimation import TexelCounts, bands_at_once, estimate_pages, finish_pages, texel_settings
+from .layout import AtlasLayout
 from .obscurances import TexelTracer, TexelValues
-from .pages import AtlasLayout, TexelCounts, bands_at_once, estimate_pages, finish_pages, texel_settings
 from .progress import TexelProgress
 from .settings import LightmapSettings
 from .texels import Texels
@@ -31,11 +32,7 @@ class Lightmap:
     pages : list of ndarray, (size, size, 4) float32
         Colour, the bottom row first; alpha is 1 where there is a value, margins included, else 0.
     counts : TexelCounts
-        `counts.texels` were covered, of which
-    traced : int
-        cast rays of their own; the others were interpolated.
-    use : float
-        Share of the pages that is covered.
+        `texels` were covered, of which `traced` cast rays of their own; the others were interpolated.
     r_ave : ndarray, (3,) float64
     rmse : ndarray, (3,) float64
         Estimated root mean square error of the colours, interpolation included.
@@ -43,7 +40,7 @@ class Lightmap:
         Metres.
     rays, error_rays : int
     ambient, reflectors, reflected_share
-        As of `light_records.BakedLight`.
+        As of `BakedLight`.
     seconds : dict of str to float
         Per phase: build, trace, margin.
     warnings : list of str
@@ -51,8 +48,6 @@ class Lightmap:
 
     pages: list[np.ndarray]
     counts: TexelCounts
-    traced: int
-    use: float
     r_ave: np.ndarray
     rmse: np.ndarray
     d_max: float
@@ -63,6 +58,16 @@ class Lightmap:
     reflected_share: float = 0.0
     seconds: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+
+    @property
+    def traced(self) -> int:
+        """Texels that cast rays of their own."""
+        return self.counts.traced
+
+    @property
+    def use(self) -> float:
+        """Share of the pages that is covered."""
+        return self.counts.texels / sum(page[..., 0].size for page in self.pages)
 
 
 def bake_lightmap(
@@ -93,9 +98,9 @@ def bake_lightmap(
     white : bool
         An open texel is white (W / R_ave); else it has the value of the paper (W).
     patch_reflectance : ndarray, (f, 3) float64, optional
-        As for `core.obscurance.bake_obscurances`.
+        As for `bake_obscurances`.
     monitor, intersector, block_rays
-        As for `core.obscurance.bake_obscurances`.
+        As for `bake_obscurances`.
 
     Raises
     ------
@@ -106,14 +111,14 @@ def bake_lightmap(
     """
     monitor = monitor or Monitor()
     began = time.perf_counter()
-    scene, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector)
-    triangles = layout.triangles(lightmap.size, normalisation)
+    scene = build_scene(surfaces, patches, settings, monitor, intersector)
+    triangles = layout.triangles(lightmap.size, scene.normalisation)
     built = time.perf_counter()
-    face_area = scene.cells.area * normalisation.scale**2
+    face_area = scene.traced.cells.area * scene.normalisation.scale**2
     guess = open_value(mean_reflectance(surfaces, face_area, np.ones(len(patches)), None), settings, white)
     at_once, settings = bands_at_once(settings), texel_settings(settings, lightmap, triangles.texels())
     progress = TexelProgress(monitor, settings.rays)
-    tracer = TexelTracer(scene, settings, channels_as_grey(surfaces, settings, white), progress.cast, block_rays)
+    tracer = TexelTracer(scene.traced, settings, channels_as_grey(surfaces, settings, white), progress.cast, block_rays)
     estimator = _Obscurances(TexelObscurances(tracer, guess, lightmap), guess, white)
     monitor.phase("trace", int(triangles.texels()))
     pages, counts = estimate_pages(triangles, layout.pages, len(patches), lightmap, estimator, progress, at_once)
@@ -124,15 +129,13 @@ def bake_lightmap(
     return Lightmap(
         pages=finished,
         counts=counts,
-        traced=counts.traced,
-        use=counts.texels / (layout.pages * lightmap.size**2),
         r_ave=r_ave,
         rmse=counts.rmse(estimator.finish),
-        d_max=d_max,
+        d_max=scene.d_max,
         rays=counts.rays,
         error_rays=counts.error_rays,
         seconds={"build": built - began, "trace": traced - built, "margin": time.perf_counter() - traced},
-        warnings=precision_warnings(scene, d_max, normalisation.scale),
+        warnings=precision_warnings(scene),
     )
 
 

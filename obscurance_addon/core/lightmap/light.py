@@ -1,6 +1,6 @@
 """One bake of light into a lightmap: faces light each other, texels receive.
 
-What surfaces pass on, and the ambient light, is found on whole faces, as in `core.light`; each texel then gathers its
+What surfaces pass on, and the ambient light, is found on whole faces, as in `bake_light`; each texel then gathers its
 own direct light, obscurances, and what the faces pass on.
 """
 
@@ -32,8 +32,9 @@ from ..scene import Patches, Surfaces, join_cells
 from ..settings import BakeSettings
 from ..tracing import BLOCK_RAYS, EmbreeIntersector, Intersector, build_scene
 from .bake import Lightmap, TexelObscurances, channels_as_grey, open_value
+from .estimation import bands_at_once, estimate_pages, finish_pages, texel_settings
+from .layout import AtlasLayout
 from .obscurances import TexelTracer, TexelValues, texel_triangles
-from .pages import AtlasLayout, bands_at_once, estimate_pages, finish_pages, texel_settings
 from .progress import TexelProgress
 from .settings import LightmapSettings
 from .texels import Texels
@@ -63,7 +64,7 @@ def bake_light_map(
     Parameters
     ----------
     surfaces, patches, others, materials, sources, settings, light
-        As for `core.light.bake_light`, with whole faces as patches; `rays` are for each texel.
+        As for `bake_light`, with whole faces as patches; `rays` are for each texel.
     layout : AtlasLayout
     lightmap : LightmapSettings
         `adaptive` is for the obscurances: direct light has shadows, which no sparse texel could foresee.
@@ -73,7 +74,7 @@ def bake_light_map(
         Reflectance and emission (m, 3) of triangles (m,) of the layout at places (m, 2) in texels of their page; by
         default those of the whole face.
     monitor, intersector, block_rays
-        As for `core.obscurance.bake_obscurances`.
+        As for `bake_obscurances`.
 
     Raises
     ------
@@ -87,18 +88,19 @@ def bake_light_map(
     if light.quantity is Quantity.RADIOSITY:
         check_size(n_faces + len(others), (n_faces + len(others)) * settings.rays)
     began = time.perf_counter()
-    traced, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector, whole=True)
-    triangles = layout.triangles(lightmap.size, normalisation)
+    bare = build_scene(surfaces, patches, settings, monitor, intersector, whole=True)
+    triangles = layout.triangles(lightmap.size, bare.normalisation)
     for_texels = texel_settings(settings, lightmap, triangles.texels())
     settings = replace(for_texels, threads=settings.threads)
-    scene = lit_scene(traced, normalisation, patches.with_others(others), sources, settings)
+    scene = lit_scene(bare, patches.with_others(others), sources, settings)
     built = time.perf_counter()
-    faces = light_up_faces(scene, surfaces, n_faces, materials, sources, normalisation.scale, settings, light, monitor)
+    scale = bare.normalisation.scale
+    faces = light_up_faces(scene, surfaces, n_faces, materials, sources, scale, settings, light, monitor)
     lit = time.perf_counter()
     progress = TexelProgress(monitor, settings.rays * (1 + len(scene.sources)))
     estimator = _TexelLight(
         faces,
-        TexelTracer(traced, for_texels, channels_as_grey(surfaces, settings, True), progress.cast, block_rays),
+        TexelTracer(bare.traced, for_texels, channels_as_grey(surfaces, settings, True), progress.cast, block_rays),
         light,
         lightmap,
         factor / np.pi,
@@ -112,11 +114,9 @@ def bake_light_map(
     return Lightmap(
         pages=finished,
         counts=counts,
-        traced=counts.traced,
-        use=counts.texels / (layout.pages * lightmap.size**2),
         r_ave=faces.r_ave,
         rmse=counts.rmse(estimator.finish),
-        d_max=d_max,
+        d_max=bare.d_max,
         rays=faces.rays + counts.rays,
         error_rays=faces.error_rays + counts.error_rays,
         ambient=faces.ambient[0] if faces.ambient else None,
@@ -128,7 +128,7 @@ def bake_light_map(
             "trace": gathered - lit,
             "margin": time.perf_counter() - gathered,
         },
-        warnings=precision_warnings(traced, d_max, normalisation.scale) + faces.warnings,
+        warnings=precision_warnings(bare) + faces.warnings,
     )
 
 

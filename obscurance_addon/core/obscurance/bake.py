@@ -10,12 +10,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..errors import GeometryError
 from ..monitor import Monitor
 from ..sampling import allocate_rays, hash32
-from ..scene import Normalisation, Patches, Surfaces, fill_invalid, mean_reflectance
+from ..scene import Patches, Surfaces, fill_invalid, mean_reflectance
 from ..settings import BakeSettings
-from ..tracing import BLOCK_RAYS, EmbreeIntersector, Held, Intersector, TracedScene, build_scene
+from ..tracing import BLOCK_RAYS, BuiltScene, EmbreeIntersector, Held, Intersector, build_scene
 from .estimator import ObscuranceSums, gather_obscurances
 
 # The error is measured on a sample of the patches, baked once more with independent points: all of a small scene,
@@ -133,15 +132,11 @@ def bake_obscurances(
         When the monitor says so.
     """
     monitor = monitor or Monitor()
-    if not len(patches):
-        raise GeometryError("there is no face to bake")
     began = time.perf_counter()
-    scene, normalisation, d_max = build_scene(surfaces, patches, settings, monitor, intersector, held=held)
+    scene = build_scene(surfaces, patches, settings, monitor, intersector, held=held)
     built = time.perf_counter()
     result = obscurances_in(
         scene,
-        normalisation,
-        d_max,
         surfaces,
         patches.ids,
         settings,
@@ -156,9 +151,7 @@ def bake_obscurances(
 
 
 def obscurances_in(
-    scene: TracedScene,
-    normalisation: Normalisation,
-    d_max: float,
+    scene: BuiltScene,
     surfaces: Surfaces,
     ids: np.ndarray,
     settings: BakeSettings,
@@ -171,8 +164,9 @@ def obscurances_in(
 ) -> Obscurances:
     """`bake_obscurances` once the scene is built: its results first, then `Held.rays`."""
     began = time.perf_counter()
+    traced, normalisation, d_max = scene
     sample = error_sample(ids)
-    per_patch = allocate_rays(scene.cells.area, settings) if rays is None else rays
+    per_patch = allocate_rays(traced.cells.area, settings) if rays is None else rays
     monitor.phase("trace", int(per_patch.sum() + per_patch[sample].sum()))
     cast = functools.partial(
         gather_obscurances,
@@ -182,11 +176,11 @@ def obscurances_in(
         block_rays=block_rays,
         rays=per_patch,
     )
-    sums = cast(scene)
-    second = cast(dataclasses.replace(scene, cells=scene.cells.of_patches(sample)), replicate=1)
-    traced = time.perf_counter()
+    sums = cast(traced)
+    second = cast(dataclasses.replace(traced, cells=traced.cells.of_patches(sample)), replicate=1)
+    trace_seconds = time.perf_counter() - began
 
-    r_ave = mean_reflectance(surfaces, scene.cells.area * normalisation.scale**2, sums.valid, patch_reflectance)
+    r_ave = mean_reflectance(surfaces, traced.cells.area * normalisation.scale**2, sums.valid, patch_reflectance)
     values, again = (patch_values(s, r_ave, settings.use_bleeding) for s in (sums, second))
     again[~(sample & (sums.valid > 0.0) & (second.valid > 0.0))] = np.nan
     rmse = half_difference(values, again)
@@ -205,8 +199,8 @@ def obscurances_in(
         rays=sums.rays,
         error_rays=second.rays,
         sums=sums,
-        seconds={"build": 0.0, "trace": traced - began},
-        warnings=precision_warnings(scene, d_max, normalisation.scale),
+        seconds={"build": 0.0, "trace": trace_seconds},
+        warnings=precision_warnings(scene),
     )
 
 
@@ -230,9 +224,9 @@ def patch_values(sums: ObscuranceSums, r_ave: np.ndarray, use_bleeding: bool) ->
     return np.hstack([sums.coloured(r_ave) if use_bleeding else np.repeat(grey, 3, axis=1), grey])
 
 
-def precision_warnings(scene: TracedScene, d_max: float, scale: float) -> list[str]:
+def precision_warnings(scene: BuiltScene) -> list[str]:
     """What the user should know about the precision of this bake."""
-    cells = scene.cells
+    cells, scale, d_max = scene.traced.cells, scene.normalisation.scale, scene.d_max
     blurred = np.bincount(cells.patch, cells.offset * scale * MIN_OFFSETS_PER_DISTANCE > d_max) > 0
     if not blurred.any():
         return []

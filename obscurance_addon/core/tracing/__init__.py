@@ -4,7 +4,7 @@ In go surfaces, cells and samples. Out come first hits, or whether there is one,
 care of.
 """
 
-from .build import Held, boxes_in_reach, build_scene, scene_diagonal
+from .build import BuiltScene, Held, boxes_in_reach, build_scene, scene_diagonal
 from .cache import IntersectorCache
 from .embree import EmbreeIntersector
 from .first_hits import meet_doubled_faces, pass_doubled_faces, shadowed, starts_inside
@@ -19,6 +19,7 @@ __all__ = [
     "MISS",
     "NEAR",
     "TABLE_ROWS",
+    "BuiltScene",
     "EmbreeIntersector",
     "Held",
     "Hits",

@@ -5,9 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import GeometryError
 from ..monitor import Monitor
 from ..scene import Normalisation, Patches, Surfaces, bounding_box, usable_triangles
 from ..settings import BakeSettings
@@ -34,6 +36,23 @@ class Held:
     rays: np.ndarray | None = None
 
 
+class BuiltScene(NamedTuple):
+    """What `build_scene` makes of a scene.
+
+    Attributes
+    ----------
+    traced : TracedScene
+        With rays leaving the patches.
+    normalisation : Normalisation
+    d_max : float
+        Reach of the rays in metres.
+    """
+
+    traced: TracedScene
+    normalisation: Normalisation
+    d_max: float
+
+
 def scene_diagonal(surfaces: Surfaces) -> float:
     """Diagonal of the bounding box of all finite vertices, metres."""
     low, high = bounding_box(surfaces.vertices)
@@ -48,19 +67,21 @@ def build_scene(
     intersector: Callable[..., Intersector] = EmbreeIntersector,
     whole: bool = False,
     held: Held | None = None,
-) -> tuple[TracedScene, Normalisation, float]:
+) -> BuiltScene:
     """Keep what rays can reach and float32 can trace, and build the ray tracer over it.
 
     Parameters as for `bake_obscurances`; `whole` keeps what is farther than d_max too.
 
-    Returns
-    -------
-    scene : TracedScene
-    normalisation : Normalisation
-    d_max : float
-        Metres.
+    Raises
+    ------
+    GeometryError
+        When there is nothing to bake: no patch, or patches without extent.
+    BakeCancelledError
+        When the monitor says so.
     """
     monitor = monitor or Monitor()
+    if not len(patches):
+        raise GeometryError("there is no face to bake")
     if held is None:
         held = Held(Normalisation.of(patches.corners), settings.max_distance(scene_diagonal(surfaces)))
     normalisation, d_max = held.normalisation, held.d_max
@@ -78,7 +99,8 @@ def build_scene(
 
     finite = np.nan_to_num(vertices, nan=0.0, posinf=0.0, neginf=0.0)  # no triangle that is kept has the others
     tracer = intersector(finite, reached.triangles, progress)
-    return prepare_scene(reached, patches, normalisation, tracer, settings, d_max), normalisation, d_max
+    traced = prepare_scene(reached, patches, normalisation, tracer, settings, d_max)
+    return BuiltScene(traced, normalisation, d_max)
 
 
 def _triangles_in_reach(surfaces: Surfaces, patches: Patches, d_max: float) -> np.ndarray:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from obscurance_addon.blender.writing import color_attribute
+from obscurance_addon.blender.writing.layers import AttributeNameError
 from obscurance_addon.core.errors import BakeCancelledError, ObscuranceError
 from obscurance_addon.core.order import bake_order
 from tests.blender.helpers import (
@@ -136,11 +137,11 @@ def test_nothing_changes_when_an_attribute_cannot_be_made(monkeypatch, nth):
     def fails_at_nth(*arguments):
         calls.append(arguments)
         if len(calls) == nth:
-            raise color_attribute.AttributeNameError("no room")
+            raise AttributeNameError("no room")
         return prepare(*arguments)
 
     monkeypatch.setattr(color_attribute, "prepare", fails_at_nth)
-    with pytest.raises(color_attribute.AttributeNameError):
+    with pytest.raises(AttributeNameError):
         running.commit()
     assert len(calls) == nth
     assert unlike(before, file_state()) == []

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from obscurance_addon.blender.materials import shaders as node_shaders
+from obscurance_addon.blender.materials import shaders
 from obscurance_addon.core.shading.expressions import Constant
 from obscurance_addon.core.shading.shading import DEFAULT_REFLECTANCE, MAX_REFLECTANCE, Shading, shade_faces
 from obscurance_addon.core.shading.surfaces import NO_TRIANGLES
@@ -152,7 +152,7 @@ def test_unknown_shader_is_default_grey_with_a_note(monkeypatch):
     tree, notes = Tree(), []
     tree.surface(tree.node("ShaderNodeBsdfDiffuse").outputs[0])
     # A node of another renderer's add-on would look like this: a shader that the table does not list.
-    monkeypatch.delitem(node_shaders.SHADER_NODES, "ShaderNodeBsdfDiffuse")
+    monkeypatch.delitem(shaders.SHADER_NODES, "ShaderNodeBsdfDiffuse")
     close(reflectance_of(tree, notes=notes), DEFAULT_REFLECTANCE)
     assert len(notes) == 1
     assert "Diffuse BSDF" in notes[0]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from obscurance_addon.blender.materials.textures import ImageCache
-from obscurance_addon.core.shading import means as face_means
+from obscurance_addon.core.shading import means
 from obscurance_addon.core.shading.arithmetic import srgb_to_linear
 from obscurance_addon.core.shading.points import part_centres
 from obscurance_addon.core.shading.pyramid import Pyramid
@@ -276,7 +276,7 @@ def test_parts_of_a_triangle_are_stratified_and_centred(parts):
 
 def test_many_textured_faces_stay_within_their_budget(monkeypatch):
     """Faces that want more points than there are to spend get fewer, and still their own colours."""
-    monkeypatch.setattr(face_means, "POINT_BUDGET", 3000)
+    monkeypatch.setattr(means, "POINT_BUDGET", 3000)
     tree = Tree()
     tree.diffuse(tree.image(quarters(256, byte=False)).outputs[0])
     boxes = [(0, 0, 0.5, 0.5), (0.5, 0, 1, 0.5), (0, 0.5, 0.5, 1), (0.5, 0.5, 1, 1)] * 40

@@ -4,9 +4,9 @@ import bpy
 import numpy as np
 import pytest
 
-from obscurance_addon.blender.reading import origins as carried_indices
+from obscurance_addon.blender.reading import origins
 from obscurance_addon.blender.reading import scene as scene_geometry
-from obscurance_addon.blender.writing.color_attribute import AttributeNameError
+from obscurance_addon.blender.writing.layers import AttributeNameError
 from obscurance_addon.core.errors import GeometryError
 from obscurance_addon.core.falloff import Falloff
 from tests.blender.helpers import (
@@ -226,7 +226,7 @@ def test_nothing_carried_is_left_on_the_mesh(modify, target):
 
 
 @pytest.mark.parametrize(
-    ("module", "at"), [(carried_indices, "_put"), (scene_geometry, "read_mesh"), (scene_geometry, "SceneReader")]
+    ("module", "at"), [(origins, "_put"), (scene_geometry, "read_mesh"), (scene_geometry, "SceneReader")]
 )
 def test_nothing_carried_is_left_when_reading_fails(monkeypatch, module, at):
     """Whatever breaks while indices are on the mesh, they are taken off again."""

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from obscurance_addon.blender.writing.color_attribute import MAX_NAME_BYTES, AttributeNameError
+from obscurance_addon.blender.writing.layers import MAX_NAME_BYTES, AttributeNameError
 from tests.blender.helpers import (
     CORNER_LAYER,
     FACE_LAYER,

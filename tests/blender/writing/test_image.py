@@ -14,8 +14,7 @@ import pytest
 
 from obscurance_addon.blender.marks import MADE_HERE
 from obscurance_addon.blender.writing import image as lightmap_image
-from obscurance_addon.blender.writing import image_files as lightmap_files
-from obscurance_addon.blender.writing import image_formats as lightmap_writers
+from obscurance_addon.blender.writing import image_files, image_formats
 from obscurance_addon.blender.writing.image import stage
 from obscurance_addon.blender.writing.image_files import ImageFileError, check_path
 from obscurance_addon.core.order.output import ImageFormat
@@ -204,7 +203,7 @@ def test_file_holds_the_pixels(image_format, tmp_path):
 
 @pytest.mark.parametrize("image_format", ImageFormat)
 def test_pixels_of_a_page_larger_than_a_block(image_format, tmp_path, monkeypatch):
-    monkeypatch.setattr(lightmap_writers, "BLOCK_TEXELS", 1000)
+    monkeypatch.setattr(image_formats, "BLOCK_TEXELS", 1000)
     pixels = page(size=200)  # in HDR one full run of 128 bytes and a shorter one
     check_values(linear(land([pixels], image_format=image_format)), pixels, image_format)
 
@@ -243,7 +242,7 @@ def png_codes(data):
 @pytest.mark.parametrize("image_format", PNG)
 @pytest.mark.parametrize("block", [1 << 20, 100])
 def test_png_clamps_and_rounds_to_nearest(block, image_format, monkeypatch):
-    monkeypatch.setattr(lightmap_writers, "BLOCK_TEXELS", block)
+    monkeypatch.setattr(image_formats, "BLOCK_TEXELS", block)
     pixels = page(high=1.0)
     pixels[0, :4, :3] = np.array([-1.0, 7.0, np.inf, np.nan])[:, None]
     codes = png_codes(land([pixels], image_format=image_format).packed_file.data)
@@ -614,7 +613,7 @@ def test_a_file_that_cannot_be_replaced(old, tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
         broken = failing(os.replace)
         patched.setattr(
-            lightmap_files.os, "replace", lambda a, b, real=os.replace: broken(a, b) if ".part" in a else real(a, b)
+            image_files.os, "replace", lambda a, b, real=os.replace: broken(a, b) if ".part" in a else real(a, b)
         )
         with pytest.raises(ImageFileError, match=r"could not be replaced \(Permission denied\): close"):
             staged.land()

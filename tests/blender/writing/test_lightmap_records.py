@@ -2,7 +2,7 @@
 
 import pytest
 
-from obscurance_addon.blender.writing.color_attribute import AttributeNameError
+from obscurance_addon.blender.writing.layers import AttributeNameError
 from tests.blender.helpers import FACE_LAYER, bake, cube, floor
 from tests.blender.jobs.test_lightmap_bake import bake_map, uv_of
 from tests.blender.reading.light_helpers import lamp

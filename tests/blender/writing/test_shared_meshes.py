@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from obscurance_addon.blender.writing import color_attribute
+from obscurance_addon.blender.writing.layers import AttributeNameError
 from tests.blender.helpers import (
     CORNER_LAYER,
     FACE_LAYER,
@@ -135,11 +136,11 @@ def test_copies_are_taken_back_when_writing_fails(monkeypatch):
     def fails_later(*arguments):
         calls.append(arguments)
         if len(calls) == 3:
-            raise color_attribute.AttributeNameError("no room")
+            raise AttributeNameError("no room")
         return prepare(*arguments)
 
     monkeypatch.setattr(color_attribute, "prepare", fails_later)
-    with pytest.raises(color_attribute.AttributeNameError):
+    with pytest.raises(AttributeNameError):
         running.commit()
     assert len(calls) == 3
     assert covered.data == open_.data

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from obscurance_addon.core.lightmap.bake import Lightmap, bake_lightmap
-from obscurance_addon.core.lightmap.pages import AtlasLayout
+from obscurance_addon.core.lightmap.layout import AtlasLayout
 from obscurance_addon.core.lightmap.settings import LightmapSettings
 from obscurance_addon.core.lightmap.texels import Texels, covered_texels
 from obscurance_addon.core.lightmap.triangles import AtlasTriangles

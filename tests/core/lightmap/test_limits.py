@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from obscurance_addon.core.errors import GeometryError
-from obscurance_addon.core.lightmap import pages as lightmap
+from obscurance_addon.core.lightmap import estimation
 from obscurance_addon.core.lightmap.adaptive import STRIDES
+from obscurance_addon.core.lightmap.estimation import TexelCounts
 from obscurance_addon.core.lightmap.obscurances import TexelValues
-from obscurance_addon.core.lightmap.pages import TexelCounts
 from obscurance_addon.core.settings import BakeSettings
 from tests.core.lightmap.lightmap_scenes import flat, mapped_scene
 from tests.core.lightmap.test_texels import atlas, rectangle, texels
@@ -31,7 +31,7 @@ def test_sparse_texels_keep_to_the_budget_where_they_save_nothing(per_texel):
     baked = s.bake(BakeSettings(ray_budget=budget, distance=1.0), adaptive=True)
     assert baked.traced == baked.counts.texels
     least = 16 * baked.counts.texels
-    assert baked.rays <= max(budget, (1.0 + lightmap.MOST_EXTRA_RAYS) * least)
+    assert baked.rays <= max(budget, (1.0 + estimation.MOST_EXTRA_RAYS) * least)
     assert baked.rays > least
 
 
@@ -39,9 +39,9 @@ def test_sparse_texels_keep_to_the_budget_where_they_save_nothing(per_texel):
 def test_bands_begin_where_sparse_texels_do(size):
     """At multiples of the coarsest stride, whatever the size; the bands share their rows out without a gap."""
     corners = rectangle(1, 1, size - 1, size - 1)
-    rows = lightmap._rows_of_bands(size)
+    rows = estimation._rows_of_bands(size)
     assert all(first % STRIDES[0] == 0 for first, _ in rows)
-    bands = [lightmap._band(atlas(np.array(corners)), size, 0, of) for of in rows]
+    bands = [estimation._band(atlas(np.array(corners)), size, 0, of) for of in rows]
     index = np.concatenate([found.index[:n] for found, n in bands])
     assert np.array_equal(index, np.unique(index))
     assert len(index) == (size - 2) ** 2

@@ -5,7 +5,7 @@ import pytest
 
 from obscurance_addon.core.falloff import Falloff
 from obscurance_addon.core.settings import BakeSettings, Sampler
-from obscurance_addon.core.tracing import samples as patch_samples
+from obscurance_addon.core.tracing import samples
 from tests.core import closed_forms as exact
 from tests.core.scenes import floor, grid, scene
 
@@ -54,7 +54,7 @@ def test_64_sobol_rays_are_no_worse_than_1024_random_rays(falloff):
 
 def test_sequences_longer_than_the_table_keep_their_quality():
     """4,096 rays, held 1,024 at a time, go on converging as before, within four standard errors of the slopes."""
-    assert patch_samples.TABLE_ROWS == 1024
+    assert samples.TABLE_ROWS == 1024
     values = [rmse(n, Falloff.SQRT, Sampler.SOBOL, seeds=2) for n in (256, 1024, 4096)]
     before, after = slope(values[:2], [256, 1024]), slope(values[1:], [1024, 4096])
     uncertainty = np.hypot(0.06, 0.06) / np.log(4.0)  # 256 errors fix an RMSE to 6 %
@@ -68,7 +68,7 @@ def test_passes_give_the_same_rays(monkeypatch):
     """Holding 32 rays at a time instead of all changes sums by float32 rounding only."""
     settings = BakeSettings(256, distance=1.0)
     whole = SCENE.bake(settings)
-    monkeypatch.setattr(patch_samples, "TABLE_ROWS", 32)
+    monkeypatch.setattr(samples, "TABLE_ROWS", 32)
     parts = SCENE.bake(settings)
     np.testing.assert_allclose(parts.grey, whole.grey, rtol=0, atol=1e-6)
     np.testing.assert_array_equal(parts.sums.miss, whole.sums.miss)

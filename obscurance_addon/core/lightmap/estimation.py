@@ -1,4 +1,4 @@
-"""One bake of a lightmap: each covered texel of an atlas is a patch.
+"""Estimates every covered texel of an atlas, each of which is a patch.
 
 Rows of a page are worked through band by band, so that memory beside the pages does not grow with them. What a texel's
 value is, and when it is known, is the business of an estimator; this file finds texels, keeps pages and margins.
@@ -13,9 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..errors import GeometryError
 from ..monitor import Monitor
-from ..scene import Normalisation
 from ..settings import MIN_RAYS_PER_PATCH, BakeSettings
 from ..workers import workers
 from .adaptive import MOST_EXTRA_RAYS
@@ -36,49 +34,6 @@ _BAND_TEXELS = 1 << 18  # at least, if a page has so many: what Python does for 
 _BAND_ROWS = 64  # at least, a multiple of the coarsest stride of sparse texels
 _LEAST_BANDS = 4  # of a page, if it has so many rows
 _MOST_BANDS_AT_ONCE = 4  # each takes memory
-
-
-@dataclass(frozen=True)
-class AtlasLayout:
-    """Where the t triangles to bake lie in an atlas.
-
-    Attributes
-    ----------
-    corners : ndarray, (t, 3, 3) float64
-        World positions in metres, counter-clockwise seen from outside.
-    uv : ndarray, (t, 3, 2) float64
-        Within the page, 0 .. 1.
-    page : ndarray, (t,) int
-        -1 for triangles without a place.
-    chart : ndarray, (t,) int
-        Numbered over all pages.
-    face : ndarray, (t,) int
-        The face patch of which each is a part.
-    pages : int
-    """
-
-    corners: np.ndarray
-    uv: np.ndarray
-    page: np.ndarray
-    chart: np.ndarray
-    face: np.ndarray
-    pages: int
-
-    def triangles(self, size: int, normalisation: Normalisation) -> AtlasTriangles:
-        """The triangles in texels of pages of this size.
-
-        Raises
-        ------
-        GeometryError
-            When none has a place.
-        """
-        found = AtlasTriangles.of(self.corners, self.uv * size, self.page, self.chart, self.face, normalisation)
-        if not len(found):
-            raise GeometryError(
-                "no face that can be traced has an area in the UV map: unwrap anew, or choose another UV map; where "
-                "there is one, a vertex may be far astray: repair the mesh"
-            )
-        return found
 
 
 class TexelEstimator(Protocol):

@@ -7,6 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from ..animation import PREVIEW
 from . import choices
+from .options import FIXED, RELATIVE_PATH
 
 DEFAULT_MEMORY_MIB = 1024
 
@@ -35,14 +36,14 @@ class PreviewProperties:
         description="Keep what is baked up to date while the scene plays, renders or is edited: the objects that hold "
         "a result of this name, or all that render if there is none. Locks the interface while rendering",
         default=False,
-        options=set(),
+        options=FIXED,
         update=_switched,
     )
     preview_mode: EnumProperty(
         name="Follow",
         description="Choose which faces are baked again when something moves",
         items=choices.UPDATE_MODES,
-        options=set(),
+        options=FIXED,
         update=_changed,
     )
     preview_memory: IntProperty(
@@ -52,7 +53,7 @@ class PreviewProperties:
         default=DEFAULT_MEMORY_MIB,
         min=0,
         max=1 << 20,
-        options=set(),
+        options=FIXED,
         update=_changed,
     )
     frame_cache: StringProperty(
@@ -60,6 +61,6 @@ class PreviewProperties:
         description="Folder with the values of every frame, as the command line bakes them; played back without a ray. "
         "// is the folder of the .blend. Empty computes every frame",
         subtype="DIR_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set(),
+        options=RELATIVE_PATH,
         update=_changed,
     )

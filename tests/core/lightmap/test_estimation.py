@@ -8,8 +8,8 @@ import pytest
 
 from obscurance_addon.core.errors import BakeCancelledError, GeometryError
 from obscurance_addon.core.falloff import Falloff
-from obscurance_addon.core.lightmap import pages as lightmap_module
-from obscurance_addon.core.lightmap.pages import ERROR_SAMPLE
+from obscurance_addon.core.lightmap import estimation
+from obscurance_addon.core.lightmap.estimation import ERROR_SAMPLE
 from obscurance_addon.core.monitor import Monitor
 from obscurance_addon.core.settings import MIN_RAYS_PER_PATCH, BakeSettings
 from tests.core import closed_forms as exact
@@ -208,8 +208,8 @@ def test_threads_and_blocks_change_no_bit(adaptive, falloff):
 def test_bands_of_rows_change_no_bit(monkeypatch):
     s = furnished()
     whole = s.bake(BakeSettings(distance=0.6))
-    monkeypatch.setattr(lightmap_module, "_BAND_TEXELS", 1)
-    monkeypatch.setattr(lightmap_module, "_BAND_ROWS", 16)
+    monkeypatch.setattr(estimation, "_BAND_TEXELS", 1)
+    monkeypatch.setattr(estimation, "_BAND_ROWS", 16)
     bands = s.bake(BakeSettings(distance=0.6))
     np.testing.assert_array_equal(bands.pages[0], whole.pages[0])
     assert (bands.rays, bands.counts.texels) == (whole.rays, whole.counts.texels)

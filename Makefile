@@ -4,7 +4,7 @@ VENV ?= .venv
 BPY ?= 4.5.15
 RUN = $(VENV)/bin/python
 
-.PHONY: venv demo test test-core test-blender test-window extension lint bench figures samples clean
+.PHONY: venv demo test test-core test-blender test-window extension wheel lint bench figures samples clean
 
 venv: $(VENV)/installed-$(BPY)
 
@@ -29,6 +29,9 @@ test-window: venv
 
 extension: venv
 	$(RUN) tools/build_extension.py
+
+wheel: venv
+	$(RUN) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/wheel .
 
 lint: venv
 	$(RUN) -m ruff check .

@@ -6,6 +6,7 @@ mean reflectance, and objects joined into one scene.
 
 from .corners import corner_cells, face_of_corner, smooth_fans
 from .filling import fill_invalid
+from .meshes import mesh_object
 from .objects import SceneObject, join_objects, same_numbers
 from .patches import (
     OFFSET,
@@ -41,6 +42,7 @@ __all__ = [
     "join_objects",
     "mean_of_sums",
     "mean_reflectance",
+    "mesh_object",
     "prepare_cells",
     "same_numbers",
     "smooth_fans",

@@ -31,6 +31,6 @@ def test_a_box_on_a_floor_is_dark_where_they_meet(tmp_path):
     upwards = (baked.face_normals[:, 2] > 0.9) & (np.abs(centres[:, 2]) < 0.1)
     gap = np.abs(centres[:, :2]).max(1) - 1.0  # to the wall of the block
     near, far = (upwards & chosen for chosen in ((gap > 0) & (gap < 0.3), gap > 2.7))
-    assert grey[far].min() >= 228  # 230 is what the example paints uncoloured meshes with
-    assert 150 < grey[near].mean() < 215
-    assert grey[centres[:, 2] > 2.0].min() >= 228  # the top of the block
+    open_faces = far | (centres[:, 2] > 2.0)  # the block is out of reach, or below
+    assert (grey[open_faces] == 230).all(), "the example paints meshes without colours in 230"
+    assert grey[near].max() < 230

@@ -81,8 +81,8 @@ def mesh_object(
 def _indices(name: str, values: ArrayLike, shape: tuple[int, ...], end: int | None) -> np.ndarray:
     """Values as int64 of a shape, where -1 stands for any length, within 0 .. end - 1."""
     array = np.asarray(values)
-    if not array.size:
-        array = array.astype(np.int64).reshape([max(n, 0) for n in shape])
+    if array.shape == (0,):  # an empty list has no dtype that means anything
+        array = np.zeros([0, *shape[1:]], np.int64)
     if array.ndim != len(shape) or any(n not in (-1, m) for n, m in zip(shape, array.shape, strict=True)):
         wanted = ", ".join("t" if n == -1 else str(n) for n in shape)
         raise GeometryError(f"{name} has shape {array.shape}: give ({wanted})")

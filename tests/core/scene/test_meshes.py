@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from obscurance_addon import core
-from obscurance_addon.core import BakeSettings, GeometryError, IncrementalBake, SettingsError, bake_objects, mesh_object
+from obscurance_addon.core import (
+    BakeSettings,
+    GeometryError,
+    IncrementalBake,
+    Patches,
+    SettingsError,
+    bake_objects,
+    mesh_object,
+)
+from obscurance_addon.core.light import LightSettings, LightSources, PatchMaterials, bake_light
 from tests.core.scenes import box, floor, scene
 
 FLOOR = floor((-2, -2), (2, 2), 8, 8, colour=(0.75, 0.25, 0.5))
@@ -61,6 +70,16 @@ def test_it_feeds_the_bake_of_a_changing_scene():
     assert IncrementalBake(objects, SETTINGS).patches == len(whole.grey)
 
 
+@pytest.mark.parametrize("quantity", ["DIRECT", "COMBINED", "RADIOSITY"])
+def test_it_feeds_the_bake_of_light(quantity):
+    """Without anything that shines but the world: an open floor scatters its reflectance times the world's radiance."""
+    made, world = as_object(FLOOR), np.array([1.0, 2.0, 3.0])
+    materials = PatchMaterials(made.reflectance, np.zeros_like(made.reflectance))
+    sources, light = LightSources(world=world), LightSettings(quantity)
+    baked = bake_light(made.surfaces, made.patches, Patches.none(), materials, sources, SETTINGS, light)
+    np.testing.assert_allclose(baked.radiance, made.reflectance * world, rtol=1e-6)
+
+
 TRIANGLE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)]
 
 
@@ -73,6 +92,7 @@ TRIANGLE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)]
         ((TRIANGLE[0], [(0, 1, 3)]), {}, GeometryError, "triangles names 3: indices go from 0 to 3 - 1"),
         ((TRIANGLE[0], [(0, 1, -1)]), {}, GeometryError, "triangles names -1"),
         (TRIANGLE, {"face": [0, 1]}, GeometryError, r"face has shape \(2,\): give \(1\)"),
+        (TRIANGLE, {"face": []}, GeometryError, r"face has shape \(0,\): give \(1\)"),
         (TRIANGLE, {"face": [-1]}, GeometryError, "face names -1: indices go from 0 to f - 1"),
         ((*TRIANGLE, np.zeros((2, 3))), {}, GeometryError, r"give a number, \(3,\) or \(1, 3\)"),
         ((*TRIANGLE, (255, 0, 0)), {}, SettingsError, "divide colours of 8 bits by 255"),

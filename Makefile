@@ -35,7 +35,7 @@ extension: venv
 	$(RUN) tools/build_extension.py
 
 wheel: venv
-	$(RUN) -m pip wheel --quiet --no-deps --wheel-dir build/package .
+	$(RUN) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/wheel .
 
 lint: venv
 	$(RUN) -m ruff check .

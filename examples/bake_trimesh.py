@@ -1,6 +1,9 @@
-"""Bakes obscurances onto a mesh of trimesh, without Blender: python examples/bake_trimesh.py OUT.ply
+"""Bakes obscurances into the face colours of any mesh file that trimesh reads, without Blender.
 
-An icosphere hangs over a red floor; what comes out are the colours of all faces.
+    pip install '.[examples]'
+    python examples/bake_trimesh.py MESH.obj BAKED.ply
+
+Colours of faces or vertices are taken as reflectance, all else is light grey; out comes colour times obscurance.
 """
 
 import sys
@@ -8,28 +11,18 @@ import sys
 import numpy as np
 import trimesh
 
-from obscurance_addon.core import BakeSettings, bake_obscurances, join_objects, mesh_object
+from obscurance_addon.core import BakeSettings, bake_objects, mesh_object
 
-ball = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
-floor = trimesh.Trimesh([[-2, -2, -0.6], [2, -2, -0.6], [2, 2, -0.6], [-2, 2, -0.6]], [[0, 1, 2], [0, 2, 3]])
-floor = floor.subdivide_to_size(0.1)
-red, white = [0.7, 0.1, 0.1], [0.8, 0.8, 0.8]
+GAMMA = 2.2  # files hold colours for a display, light adds up in linear ones
 
-scene = join_objects(
-    [
-        mesh_object(ball.vertices, ball.faces, white),
-        mesh_object(floor.vertices, floor.faces, red, first_id=len(ball.faces)),
-    ]
-)
-baked = bake_obscurances(
-    scene.surfaces,
-    scene.patches,
-    BakeSettings(rays=64, distance=1.0),
-    neighbours=scene.neighbours,
-    patch_reflectance=scene.patch_reflectance,
-)
+mesh = trimesh.load_mesh(sys.argv[1])  # merges equal vertices, so that closed meshes are known as solids
+if mesh.visual.kind not in ("face", "vertex"):
+    mesh.visual = trimesh.visual.ColorVisuals(mesh, face_colors=[230, 230, 230])
+reflectance = (mesh.visual.face_colors[:, :3] / 255.0) ** GAMMA
 
-mesh = trimesh.util.concatenate([ball, floor])
-mesh.visual.face_colors = np.clip(255.0 * baked.white(), 0.0, 255.0).astype(np.uint8)
-mesh.export(sys.argv[1])
-print(f"{len(mesh.faces):,} faces, estimated error {baked.white_rmse().max():.2g}")
+baked = bake_objects([mesh_object(mesh.vertices, mesh.faces, reflectance)], BakeSettings(rays=256))
+
+shaded = np.clip(reflectance * baked.white(), 0.0, 1.0) ** (1.0 / GAMMA)
+mesh.visual.face_colors = np.round(255.0 * shaded).astype(np.uint8)
+mesh.export(sys.argv[2])
+print(f"{len(mesh.faces)} faces, {baked.rays:,} rays, estimated error {baked.white_rmse().max():.3f}")

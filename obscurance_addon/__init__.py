@@ -2,8 +2,10 @@
 
 import sys
 
+# "Reload Scripts" runs this file again and nothing else, so the rest would stay the old one. Only modules of the add-on
+# itself are forgotten; `importlib.reload` of each would leave old classes in the modules that had imported them.
 for _name in [name for name in sys.modules if name.startswith(f"{__name__}.")]:
-    del sys.modules[_name]  # "Reload Scripts" runs this file again; without this, the rest would stay the old one
+    del sys.modules[_name]
 
 _cli_command = None
 

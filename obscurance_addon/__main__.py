@@ -1,33 +1,15 @@
-"""`python -m obscurance_addon ...`: the same arguments as `blender --command obscurance ...`, on the bpy module."""
+"""`obscurance ...` and `python -m obscurance_addon ...`: as `blender --command obscurance ...`, on the bpy module."""
 
 import os
 import sys
 import traceback
+from typing import NoReturn
 
 
-def _run() -> int:
-    from .command_line import parse
-
-    arguments = sys.argv[1:]
-    parse(arguments)  # help and wrong usage answer at once, without loading Blender
+def main() -> NoReturn:
+    """Run the command line and leave the process with its exit status."""
     try:
-        import bpy  # noqa: F401
-    except ImportError as error:
-        print(
-            f"obscurance: the bpy module does not load ({error}): pip install 'obscurance-addon[bpy]'", file=sys.stderr
-        )
-        return 1
-    from . import register
-    from .command_line import main as run
-
-    register()
-    return run(arguments)
-
-
-def main() -> None:
-    """Run the command line on the bpy module and leave, with its status."""
-    try:
-        status = _run()
+        status = _run(sys.argv[1:])
     except SystemExit as stop:
         status = stop.code if isinstance(stop.code, int) else 2
     except KeyboardInterrupt:
@@ -39,6 +21,26 @@ def main() -> None:
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(status)  # the bpy module crashes (4.2) or hangs (4.5) at a normal exit while classes are registered
+
+
+def _run(arguments: list[str]) -> int:
+    from .command_line import parse
+
+    parse(arguments)  # help and wrong usage answer at once, without loading Blender
+    try:
+        import bpy  # noqa: F401
+    except ImportError as error:
+        if isinstance(error, ModuleNotFoundError) and error.name == "bpy":
+            problem = "Blender's bpy module is not installed: pip install 'obscurance-addon[bpy]'"
+        else:
+            problem = f"Blender's bpy module does not load: {error}"
+        print(f"obscurance: {problem}", file=sys.stderr)
+        return 1
+    from . import register
+    from .command_line import main
+
+    register()
+    return main(arguments)
 
 
 if __name__ == "__main__":

@@ -98,6 +98,7 @@ def _staged(folder: Path, platform: str, wheels: list[Path]) -> Path:
     """A copy of all that goes into one zip, with the manifest at the package's side as Blender wants it."""
     shutil.copytree(PACKAGE, folder, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "LICENSE", folder)
+    shutil.copytree(ROOT / "LICENSES", folder / "LICENSES")
     (folder / "wheels").mkdir()
     for wheel in wheels:
         shutil.copy(wheel, folder / "wheels")

@@ -45,4 +45,6 @@ def _cure(name: str) -> str:
         return f"it needs macOS {MACOS_NEEDED} or later, and this is macOS {release}"
     system = "macOS" if system == "Darwin" else system
     here = f"{system} {platform.machine()}, Python {sys.version_info[0]}.{sys.version_info[1]}"
-    return f"install the zip that is made for this system ({here}) again"
+    if __name__.startswith("bl_ext."):  # the name that Blender gives to extensions
+        return f"install the zip that is made for this system ({here}) again"
+    return f"install obscurance-addon again with what it depends on, for this system ({here})"

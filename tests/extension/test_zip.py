@@ -41,14 +41,15 @@ def test_development_uses_the_same_libraries():
 
 
 def test_contents(zipped):
-    """The package as it stands, manifest and licence, the wheels that the manifest lists, and nothing else."""
+    """The package as it stands, manifest and licences, the wheels that the manifest lists, and nothing else."""
     with zipfile.ZipFile(zipped) as archive:
         names = set(archive.namelist())
         inside = tomllib.loads(archive.read("blender_manifest.toml").decode())
         assert archive.testzip() is None
     package = {p.relative_to(PACKAGE).as_posix() for p in PACKAGE.rglob("*") if p.is_file() and p.suffix != ".pyc"}
     wheels = {wheel.removeprefix("./") for wheel in inside["wheels"]}
-    assert names == package | wheels | {"LICENSE", "blender_manifest.toml"}
+    licences = {f"LICENSES/{p.name}" for p in (ROOT / "LICENSES").iterdir()}
+    assert names == package | wheels | licences | {"LICENSE", "blender_manifest.toml"}
     assert {Path(wheel).name for wheel in wheels} == set(wheels_for(HERE, LISTED))
     assert inside["platforms"] == [HERE]
     assert {**manifest, "platforms": 0, "wheels": 0} == {**inside, "platforms": 0, "wheels": 0}

@@ -1,85 +1,114 @@
-"""The wheel has all that the package needs, states the extension's version, and works outside of a checkout."""
+"""The wheel: what is in it, and that it works outside of the checkout."""
 
+import configparser
 import os
 import subprocess
 import sys
 import tomllib
+import venv
 import zipfile
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "obscurance_addon"
+VERSION = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
+PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet"]
+_PATIENCE_S = 120.0
+
+# Runs the command without Blender's module, which the test's own Python may have.
+WITHOUT_BPY = """
+import sys
+from importlib.metadata import entry_points
+sys.modules["bpy"] = None
+(command,) = entry_points(group="console_scripts", name="obscurance")
+command.load()()
+"""
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
+    """The wheel of this checkout."""
     folder = tmp_path_factory.mktemp("wheel")
-    subprocess.run(
-        [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", folder, ROOT], check=True
+    done = subprocess.run(
+        [*PIP, "wheel", "--no-deps", "--wheel-dir", folder, ROOT], capture_output=True, text=True, timeout=_PATIENCE_S
     )
-    (made,) = folder.glob("*.whl")
+    assert done.returncode == 0, done.stderr
+    (made,) = folder.iterdir()
     return made
 
 
 @pytest.fixture(scope="module")
 def installed(wheel, tmp_path_factory):
-    """The folder that the wheel was installed to, beside the libraries of this Python."""
-    folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", folder, wheel]
-    subprocess.run(command, check=True)
-    return folder
-
-
-def run(installed, *arguments):
-    """The command, as its entry point calls it, in a folder that is no checkout."""
-    return subprocess.run(
-        [installed / "bin" / "obscurance", *arguments],
-        cwd=installed,
-        env=os.environ | {"PYTHONPATH": str(installed)},
-        capture_output=True,
-        text=True,
-        check=False,
+    """Runs a command of an environment in which the wheel is installed; the libraries are those of this Python."""
+    folder = tmp_path_factory.mktemp("environment")
+    venv.create(folder, system_site_packages=False, with_pip=False)
+    binaries = folder / ("Scripts" if os.name == "nt" else "bin")
+    subprocess.run(
+        [*PIP, "--python", binaries / "python", "install", "--no-deps", wheel], check=True, timeout=_PATIENCE_S
     )
+    libraries = [path for path in sys.path if path.endswith("site-packages")]
+
+    def run(command, *arguments):
+        return subprocess.run(
+            [binaries / command, *arguments],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(libraries)},
+            capture_output=True,
+            text=True,
+            timeout=_PATIENCE_S,
+        )
+
+    return run
 
 
-def test_it_holds_the_package_and_nothing_else(wheel):
-    with zipfile.ZipFile(wheel) as file:
-        names = {name for name in file.namelist() if ".dist-info/" not in name}
-    files = subprocess.check_output(["git", "ls-files", "obscurance_addon"], cwd=ROOT, text=True).split()
-    assert set(files) <= names
-    assert all(name.startswith("obscurance_addon/") and "__pycache__" not in name for name in names)
+def test_contents(wheel):
+    """The package as it stands, presets included, the manifest beside it, the licence, and no tests."""
+    package = {p.relative_to(ROOT).as_posix() for p in PACKAGE.rglob("*") if p.is_file() and p.suffix != ".pyc"}
+    assert any("presets" in name for name in package)
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if not name.endswith("/")}
+    about = f"obscurance_addon-{VERSION}.dist-info"
+    metadata = {f"{about}/{name}" for name in ("METADATA", "WHEEL", "RECORD", "entry_points.txt", "licenses/LICENSE")}
+    assert names == package | metadata | {"obscurance_addon/blender_manifest.toml"}
+    assert wheel.name == f"obscurance_addon-{VERSION}-py3-none-any.whl"
 
 
-def test_its_version_is_the_extension_s(wheel, installed):
-    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
-    assert wheel.name.split("-")[1] == manifest["version"]
-    assert run(installed, "--version").stdout.strip() == manifest["version"]
-
-
-def test_the_command_bakes(installed, tmp_path):
-    done = run(
-        installed,
-        "bake",
-        ROOT / "sample_blends" / "cornell_box.blend",
-        "--rays",
-        "8",
-        "--output",
-        tmp_path / "out.blend",
+def test_metadata(wheel):
+    about = f"obscurance_addon-{VERSION}.dist-info"
+    with zipfile.ZipFile(wheel) as archive:
+        scripts = configparser.ConfigParser()
+        scripts.read_string(archive.read(f"{about}/entry_points.txt").decode())
+        metadata = archive.read(f"{about}/METADATA").decode().split("\n\n")[0].splitlines()
+    assert dict(scripts["console_scripts"]) == {"obscurance": "obscurance_addon.__main__:main"}
+    assert "License-Expression: GPL-3.0-or-later" in metadata
+    needed = sorted(
+        line.split(": ")[1] for line in metadata if line.startswith("Requires-Dist") and "extra" not in line
     )
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "out.blend").stat().st_size > 0
+    assert [text.split("==")[0] for text in needed] == ["embreex", "numpy", "xatlas"]
 
 
-def test_without_bpy_it_says_what_to_install(installed, tmp_path):
-    (tmp_path / "bpy.py").write_text("raise ImportError('none here')")
-    done = subprocess.run(
-        [installed / "bin" / "obscurance", "bake", "scene.blend"],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(installed)])},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def test_the_command_answers_without_blender(installed):
+    """Help, the version and wrong usage do not need the bpy module."""
+    version = installed("obscurance", "--version")
+    assert (version.returncode, version.stdout) == (0, f"{VERSION}\n")
+    assert installed("obscurance", "bake", "--help").stdout.startswith("usage: obscurance bake ")
+    assert installed("obscurance", "nonsense").returncode == 2
+
+
+def test_a_missing_bpy_module_is_named_with_the_cure(installed):
+    done = installed("python", "-c", WITHOUT_BPY, "bake", "x.blend")
     assert done.returncode == 1
-    assert "pip install 'obscurance-addon[bpy]'" in done.stderr
+    assert done.stderr == "obscurance: Blender's bpy module is not installed: pip install 'obscurance-addon[bpy]'\n"
+
+
+def test_it_bakes_outside_of_the_checkout(installed, tmp_path):
+    """By the console script, with the bpy module of this Python; and the library is the installed one."""
+    pytest.importorskip("bpy")
+    place = installed("python", "-c", "from obscurance_addon import core; print(core.__file__)").stdout
+    assert not Path(place.strip()).is_relative_to(ROOT)
+    scene, out = ROOT / "sample_blends" / "cornell_box.blend", tmp_path / "baked.blend"
+    done = installed("obscurance", "bake", scene, "--output", out, "--rays", "16")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert out.stat().st_size > 0

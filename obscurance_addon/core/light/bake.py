@@ -47,7 +47,8 @@ def bake_light(
     Parameters
     ----------
     surfaces : Surfaces
-        All that rays can hit, with emission; for RADIOSITY with the patch of each triangle, counted over both sets.
+        All that rays can hit, with emission if any shines; for RADIOSITY with the patch of each triangle, counted over
+        both sets.
     patches : Patches
         To bake.
     others : Patches
@@ -137,7 +138,8 @@ def lit_scene(scene: BuiltScene, patches: Patches, sources: LightSources, settin
     """The traced scene with rays leaving all patches, and its light in normalised coordinates."""
     traced, normalisation = scene.traced, scene.normalisation
     cells = prepare_cells(patches, normalisation, settings.thread_count())
-    emitters = EmissiveTriangles(traced.surfaces) if (traced.surfaces.emission > 0.0).any() else None
+    emission = traced.surfaces.emission
+    emitters = None if emission is None or not (emission > 0.0).any() else EmissiveTriangles(traced.surfaces)
     lamps = tuple(lamp.normalised(normalisation) for lamp in sources.lamps)
     return LitScene(replace(traced, cells=cells), patches.ids, lamps, emitters, np.asarray(sources.world, np.float64))
 

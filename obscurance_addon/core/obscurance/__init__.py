@@ -14,12 +14,14 @@ from .bake import (
     precision_warnings,
 )
 from .estimator import Caster, ObscuranceSums, Progress
+from .objects import bake_objects
 
 __all__ = [
     "Caster",
     "ObscuranceSums",
     "Obscurances",
     "Progress",
+    "bake_objects",
     "bake_obscurances",
     "error_sample",
     "half_difference",

@@ -21,8 +21,7 @@ import numpy as np
 from ...core.errors import ObscuranceError
 from ...core.order import OutputSettings, Target
 from ..reading import read_face_start
-from ..writing import color_attribute, spread
-from ..writing import records as baked_record
+from ..writing import color_attribute, records, spread
 
 _INDEX = "index.json"
 _VERSION = 1
@@ -160,7 +159,7 @@ class FrameCache:
             layer = color_attribute.prepare(mesh, name, domain)
             face_start = read_face_start(mesh) if domain != output.target else None
             color_attribute.fill(mesh, layer, name, spread(colours, face_start))
-            baked_record.remember(mesh, name, self._stored, output.exposure)
+            records.remember(mesh, name, self._stored, output.exposure)
 
 
 class FrameCacheWriter:
@@ -172,7 +171,7 @@ class FrameCacheWriter:
         What an earlier cache holds is replaced by `finish`.
     output : OutputSettings
     stored : str
-        What the values are, as of `baked_record`.
+        What the values are, as of `records`.
     settings : dict
         What they were baked with, to be read by people.
 

@@ -133,10 +133,8 @@ class FrameUpdater:
     def _read_all(self, context: bpy.types.Context) -> None:
         """Read the whole scene; main thread."""
         objects = [ob for ob in context.view_layer.objects if ob.session_uid in self.wanted]
-        layers = [name for name, _domain in self._output.layers()]
-        snapshot = snapshot_scene(
-            context, objects, needs_rest=self._output.target in {Target.CORNER, Target.POINT}, baked_layers=layers
-        )
+        layers = self._output.layer_names()
+        snapshot = snapshot_scene(context, objects, needs_rest=self._output.needs_rest, baked_layers=layers)
         self.notes = list(dict.fromkeys([*self.notes, *snapshot.notes]))
         self.changes = SceneChanges(snapshot, self.wanted, layers, self._untied)
         self._movers |= likely_movers(context) & self.changes.known.keys()

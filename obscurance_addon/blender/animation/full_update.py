@@ -49,7 +49,7 @@ class FullUpdater:
             return NOTHING_DONE
         objects = [ob for ob in context.view_layer.objects if ob.session_uid in self.wanted]
         job = BakeJob(context, objects, self._settings, self._output, self._light, in_child=self._in_child)
-        layers = [name for name, _domain in self._output.layers()]
+        layers = self._output.layer_names()
         self._changes = SceneChanges(job.snapshot, self.wanted, layers, self._untied)
         report = job.run()
         self.notes = list(dict.fromkeys([*self.notes, *report.warnings]))

@@ -101,8 +101,8 @@ class BakeJob:
         self.snapshot = snapshot = snapshot_scene(
             context,
             writable,
-            needs_rest=output.target in {Target.CORNER, Target.POINT},
-            baked_layers=[name for name, _domain in output.layers()],
+            needs_rest=output.needs_rest,
+            baked_layers=output.layer_names(),
             needs_light=light.needs_light,
             lightmap=lightmap,
         )

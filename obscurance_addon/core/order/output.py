@@ -108,3 +108,12 @@ class OutputSettings:
         if self.target is Target.FACE and self.corner_copy:
             layers.insert(0, (self.attribute_name + _CORNER_SUFFIX, "CORNER"))
         return layers
+
+    def layer_names(self) -> list[str]:
+        """Names of `layers`."""
+        return [name for name, _domain in self.layers()]
+
+    @property
+    def needs_rest(self) -> bool:
+        """Whether values belong to places on the unmodified mesh, which modifiers must carry along."""
+        return self.target in {Target.CORNER, Target.POINT}

@@ -99,9 +99,11 @@ class OBSCURANCE_OT_bake(Reports, bpy.types.Operator):
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Stop the job and leave the scene as it was; Blender also calls this when a file is loaded or it quits."""
-        if self._job is not None:
-            self._job.cancel()
-        self._finish(context)
+        try:
+            if self._job is not None:
+                self._job.cancel()
+        finally:
+            self._finish(context)
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Adjust Last Operation: every change bakes again, so only a quick bake offers it."""
@@ -155,15 +157,16 @@ class OBSCURANCE_OT_bake(Reports, bpy.types.Operator):
 
     def _finish(self, context: bpy.types.Context) -> None:
         """Take down timer and status text and go back to the mode that the user was in."""
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
+        timer, guard = self._timer, self._guard
+        self._timer = self._guard = self._job = None
+        OBSCURANCE_OT_bake._running = False  # first of all, or no bake could follow one whose end fails
+        if timer is not None:
+            context.window_manager.event_timer_remove(timer)
             context.window_manager.progress_end()
             for workspace in bpy.data.workspaces:  # the user may have switched between them
                 workspace.status_text_set(None)
-        if self._guard is not None:
-            self._guard.restore(context)
-        self._timer = self._guard = self._job = None
-        OBSCURANCE_OT_bake._running = False
+        if guard is not None:
+            guard.restore(context)
 
     def _tell(self, report: BakeReport) -> None:
         self.seconds = sum(report.seconds.values())

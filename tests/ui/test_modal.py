@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import tempfile
 import threading
 import time
 from types import SimpleNamespace
@@ -173,7 +174,7 @@ def test_a_child_that_is_killed_is_an_error_message(floor, seconds):
     assert answer == "FINISHED"
 
 
-@pytest.mark.parametrize("how", ["not found", "ends at once"])
+@pytest.mark.parametrize("how", ["not found", "ends at once", "no folder"])
 def test_without_a_child_the_bake_runs_by_turns(floor, how, monkeypatch, tmp_path):
     """With the values of any other bake, and a note that says so."""
     executable = tmp_path / "python"
@@ -184,7 +185,10 @@ def test_without_a_child_the_bake_runs_by_turns(floor, how, monkeypatch, tmp_pat
     bpy.context.view_layer.update()
     BakeJob(bpy.context, [floor], BakeSettings(rays=16), bpy.context.scene.obscurance.to_output()).run()
     expected = colors(floor)
-    monkeypatch.setattr(sys, "executable", str(executable))
+    if how == "no folder":
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    else:
+        monkeypatch.setattr(sys, "executable", str(executable))
     monkeypatch.setattr(CHILD, "_cannot_start", False)
     monkeypatch.setattr(CHILD, "_is_told", False)
     running = Running(rays=16)

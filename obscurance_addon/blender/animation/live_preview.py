@@ -139,6 +139,9 @@ class LivePreview:
             self._busy = True
             try:
                 self._start(scene, waits=False)
+            except BaseException:
+                self._forget()
+                raise
             finally:
                 self._busy = False
                 self._commits = commit_count()
@@ -232,6 +235,9 @@ class LivePreview:
         except ObscuranceError as error:
             self._give_up(error)
             return None
+        except BaseException:
+            self._forget()
+            raise
         self._starting = None
         for note in run.notes:
             self._tell_once(note)

@@ -13,7 +13,8 @@ from .runs import Order, Run, TurnRun
 
 SERVER = "order.server"  # module of the core that child processes run
 NO_CHILD = "bakes run in Blender's own process, because a process of their own does not start"
-_PATIENCE_S = 300.0  # without a sign of life; a scene of ten million triangles takes a minute to build
+PATIENCE_S = 300.0  # without a sign of life; a scene of ten million triangles takes a minute to build
+_LONGEST_LOOK_S = 1.0  # that counts as silence: the machine may have slept, or Blender been busy
 
 _log = logging.getLogger(__name__)
 
@@ -29,14 +30,19 @@ class ChildRun:
         What it is to do, as `server` understands it.
     keep : list, optional
         As of `ChildProcess.send`.
+    patience : float
+        Seconds without a sign of life after which the child counts as ended.
     """
 
-    def __init__(self, child: ChildProcess, message: tuple, keep: list | None = None) -> None:
+    def __init__(
+        self, child: ChildProcess, message: tuple, keep: list | None = None, patience: float = PATIENCE_S
+    ) -> None:
         self.result: object = None
         self.notes: list[str] = []
         self.is_over = False
         self.child = child
-        self._beats, self._heard = 0.0, time.monotonic()
+        self._beats, self._silence, self._looked = 0.0, 0.0, time.monotonic()
+        self._patience = patience
         child.send(message, keep)
 
     @property
@@ -65,11 +71,13 @@ class ChildRun:
         return True
 
     def _mind_silence(self) -> None:
-        beats = self.child.page.read()[0]
+        beats, now = self.child.page.read()[0], time.monotonic()
+        self._silence += min(now - self._looked, _LONGEST_LOOK_S)
+        self._looked = now
         if beats != self._beats:
-            self._beats, self._heard = beats, time.monotonic()
-        elif time.monotonic() - self._heard > _PATIENCE_S:
-            raise ChildEndedError(f"it gave no sign of life for {_PATIENCE_S:.0f} s")
+            self._beats, self._silence = beats, 0.0
+        elif self._silence > self._patience:
+            raise ChildEndedError(f"it gave no sign of life for {self._patience:.0f} s")
 
     def cancel(self) -> None:
         """Stop it at once, by ending the process; the next bake starts another."""
@@ -103,11 +111,14 @@ class KeptChild:
         """
         if self._last is not None and not self._last.is_over:
             self.end()
-        if not self._cannot_start:
+        while not self._cannot_start:
             try:
                 return self._start(order, monitor, intersector, ceiling_bytes)
-            except ChildEndedError as error:
-                self._gave_up(error)
+            except ChildEndedError as error:  # a kept one may have ended meanwhile: another is started
+                is_new = self._child is None or not self._child.answered
+                self.end()
+                if is_new:
+                    self._gave_up(error)
         return self._by_turns(order, monitor, intersector)
 
     def _by_turns(self, order: Order, monitor: JobMonitor, intersector: Callable) -> Run:
@@ -119,6 +130,7 @@ class KeptChild:
         if self._child is None or not self._child.is_alive():
             self.end()
             self._child = ChildProcess(SERVER)
+        self._last = None
         self._last = ChildRun(self._child, ("carry_out", order, monitor.made_of, ceiling_bytes))
         return RunWithFallback(self._last, lambda error: self._instead(error, order, monitor, intersector))
 

@@ -17,6 +17,7 @@ from .snapshot import Change
 
 Objects = Mapping[Hashable, Change]
 _LOOK_S = 0.5  # between looks whether a process that is waited for is alive
+_PATIENCE_S = 60.0  # with an update that gives no sign of life, while Blender waits
 
 
 class Follower(Protocol):
@@ -94,11 +95,18 @@ class ChildFollower:
         def instead(_error: ChildEndedError) -> Run | None:
             if self._child.answered:
                 return None
+            self._child.end()
             self._instead = LocalFollower(NO_CHILD)
             return self._instead.begin(order, monitor)
 
         message = "follow", order, monitor.made_of
-        return RunWithFallback(ChildRun(self._child, message, self._keep(order.objects)), instead)
+        try:
+            return RunWithFallback(ChildRun(self._child, message, self._keep(order.objects)), instead)
+        except ChildEndedError as error:
+            run = instead(error)
+            if run is None:
+                raise
+            return run
 
     def update(self, known: Objects, changes: Mapping[Hashable, Change | None], rewrite: bool) -> Followed:
         if self._instead is not None:
@@ -121,7 +129,7 @@ class ChildFollower:
 
     def _ask(self, message: tuple, keep: list[object] | None) -> object:
         try:
-            run = ChildRun(self._child, message, keep)
+            run = ChildRun(self._child, message, keep, _PATIENCE_S)
             while not run.step(_LOOK_S):
                 continue
         except ChildEndedError as error:

@@ -106,7 +106,9 @@ class Following:
         """What the bake of the whole scene did, with all values."""
         return self._followed(self._bake.last, self._elements)
 
-    def update(self, changes: Mapping[Hashable, Change | None], rewrite: bool) -> Followed:
+    def update(
+        self, changes: Mapping[Hashable, Change | None], rewrite: bool, monitor: Monitor | None = None
+    ) -> Followed:
         """Bake again what changes have influence on.
 
         Parameters
@@ -115,13 +117,15 @@ class Following:
             Objects that are different now, or new; None for those that are gone.
         rewrite : bool
             All values are asked for, not only new ones.
+        monitor : Monitor, optional
         """
         for key, change in changes.items():
             if change is None:
                 self._known.pop(key, None)
             else:
                 self._known[key] = change
-        update = self._bake.update({key: change and self._object(key, change) for key, change in changes.items()})
+        objects = {key: change and self._object(key, change) for key, change in changes.items()}
+        update = self._bake.update(objects, monitor)
         for key in self._elements.keys() - self._known.keys():
             del self._elements[key]
         self._objects.keep(change.snapshot.mesh for change in self._known.values())

@@ -136,6 +136,7 @@ class TurnRun(ThreadRun):
         turns = _TurnMonitor(*monitor.made_of)
         settings = dataclasses.replace(order.settings, threads=1)
         super().__init__(dataclasses.replace(order, settings=settings), turns, intersector)
+        turns.waits.wait()
         self.notes += notes
 
     def _compute(self) -> None:

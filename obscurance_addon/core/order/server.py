@@ -43,6 +43,7 @@ class _Server:
         self._page = page
         self._tracers = IntersectorCache()
         self._following: Following | None = None
+        self._made_of: tuple = ()
 
     def carry_out(self, order: BakeOrder, made_of: tuple, ceiling_bytes: int) -> BakeResult:
         self._tracers.ceiling_bytes = ceiling_bytes
@@ -53,11 +54,12 @@ class _Server:
 
     def follow(self, order: FollowOrder, made_of: tuple) -> Followed:
         self._following = None  # before another takes its memory
+        self._made_of = made_of
         self._following = Following(order, self._monitor(made_of))
         return self._following.first()
 
     def update(self, changes: Mapping[Hashable, Change | None], rewrite: bool) -> Followed:
-        return self._following.update(changes, rewrite)
+        return self._following.update(changes, rewrite, self._monitor(self._made_of))
 
     def values(self, key: Hashable) -> np.ndarray:
         return self._following.values(key)

@@ -10,8 +10,9 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import IO
 
 from ..errors import BackendError
 from .channel import Channel
@@ -57,19 +58,20 @@ class ChildProcess:
     """
 
     def __init__(self, module: str) -> None:
-        _sweep()
         self.answered = False
-        self.folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
-        self._owned = _own(self.folder)
-        self.page = ProgressPage(self.folder)
-        ours, theirs = multiprocessing.Pipe()
+        made: list[Callable[[], None]] = []  # what is to be undone
         try:
+            _sweep()
+            self.folder, self._owned = _new_folder(made)
+            self.page = ProgressPage(self.folder)
+            made.append(self.page.close)
+            ours, theirs = multiprocessing.Pipe()
+            made.append(ours.close)
             with theirs, open(self.folder / "printed", "wb") as printed:
                 self._process = _popen(theirs.fileno(), self.folder, module, printed)
         except OSError as error:
-            ours.close()
-            self.page.close()
-            shutil.rmtree(self.folder, ignore_errors=True)
+            for undo in reversed(made):
+                undo()
             raise ChildEndedError(f"the system does not start it ({error})") from error
         self._channel = Channel(ours, self.folder)
 
@@ -156,13 +158,24 @@ def _popen(handle: int, folder: Path, module: str, printed: object) -> subproces
     return subprocess.Popen(startupinfo=startup, creationflags=subprocess.CREATE_NO_WINDOW, **common)
 
 
-def _own(folder: Path) -> object | None:
-    """Lock a file in a folder for as long as this process lives; None where files cannot be locked so."""
-    if fcntl is None:
-        return None
-    file = open(folder / _OWNER, "wb")  # noqa: SIM115 - closed with the child
-    fcntl.flock(file, fcntl.LOCK_EX)
-    return file
+def _new_folder(made: list[Callable[[], None]]) -> tuple[Path, IO | None]:
+    """A private folder, and the file in it that this process keeps locked where files can be locked.
+
+    It gets the name that `_sweep` looks for once that is so.
+    """
+    hidden = Path(tempfile.mkdtemp(prefix=f".{_PREFIX}"))
+    folder = hidden.with_name(hidden.name.removeprefix("."))
+    made += [lambda: shutil.rmtree(hidden, ignore_errors=True), lambda: shutil.rmtree(folder, ignore_errors=True)]
+    owned = None
+    if fcntl is not None:
+        try:
+            owned = open(hidden / _OWNER, "wb")  # noqa: SIM115 - closed with the child
+            made.append(owned.close)
+            fcntl.flock(owned, fcntl.LOCK_EX)
+        except OSError:  # a file system without locks: what two kills leave stays
+            (hidden / _OWNER).unlink(missing_ok=True)
+    hidden.rename(folder)
+    return folder, owned
 
 
 def _sweep() -> None:

@@ -6,26 +6,34 @@ private to both processes. MODULE, of the core, has a function `serve(channel, f
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import importlib.util
 import os
 import shutil
 import sys
+import tempfile
 import threading
+import traceback
 from multiprocessing import connection
 from pathlib import Path
 
 
 def main(package: str, name: str, handle: int, folder: Path, module: str) -> None:
+    tempfile.tempdir = str(folder)  # what this process makes goes when the folder goes
     threading.Thread(target=end_with_parent, args=(folder,), daemon=True).start()
     kind = connection.PipeConnection if sys.platform == "win32" else connection.Connection
     load_package(Path(package), name)
     channel_type = importlib.import_module(f"{name}.core.process.channel").Channel
     channel = channel_type(kind(handle), folder)
-    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+    try:
         importlib.import_module(f"{name}.core.{module}").serve(channel, folder)
         channel.poll(None)  # the parent closes its end once it has taken the last message from the folder
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        end(folder, 0)
+    except BaseException:
+        traceback.print_exc()  # which the parent reads in the folder
+        sys.stderr.flush()
+        os._exit(1)
     sys.stderr.flush()
     end(folder, 0)
 

@@ -1,5 +1,7 @@
 """A work order that a child process carries out gives the bytes that this process gives."""
 
+import sys
+
 import bpy
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from obscurance_addon.blender.jobs.job import CHILD, BakeJob
 from obscurance_addon.core.errors import BackendError, GeometryError
 from obscurance_addon.core.light import LightSettings, Quantity
 from obscurance_addon.core.lightmap import LightmapSettings
-from obscurance_addon.core.order import OutputSettings
+from obscurance_addon.core.order import OutputSettings, make_follower
 from obscurance_addon.core.settings import BakeSettings
 from tests.blender.helpers import colors, cube, floor, new_object
 from tests.blender.jobs.test_lightmap_bake import lit_panels
@@ -116,6 +118,22 @@ def test_a_child_follows_as_this_process_does():
     for (_, here), (_, there) in zip(*found, strict=True):
         np.testing.assert_array_equal(here, there)
     assert found[0][-1][0] == 0
+
+
+@pytest.mark.parametrize("first", ["send", "end"])
+def test_a_follower_that_does_not_start_is_this_process(first, monkeypatch):
+    """Whether the process ends before it was sent the scene or after; the values are there all the same."""
+    ground = floor(n=2)
+    bpy.context.view_layer.update()
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    updater = FrameUpdater(bpy.context, [ground], BakeSettings(rays=8), OutputSettings(), 1 << 20, in_child=True)
+    updater._follower = make_follower(True)
+    if first == "end":
+        updater._follower._child._process.wait()
+    assert updater.start().patches == 4
+    assert "own process" in " ".join(updater.notes)
+    assert (colors(ground)[:, 0] == 1.0).all()
+    updater.end()
 
 
 def test_a_killed_follower_is_an_error_that_says_so():

@@ -8,9 +8,10 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from obscurance_addon.core.errors import GeometryError
+from obscurance_addon.core.errors import BackendError, GeometryError
 from obscurance_addon.core.order import SERVER
 from obscurance_addon.core.process import ChildEndedError, ChildProcess
 
@@ -22,6 +23,21 @@ from obscurance_addon.core.process import ChildProcess
 child = ChildProcess({server!r})
 child.receive()
 print(child.pid, flush=True)
+sys.stdin.read()
+"""
+
+
+CHILD_IN_CHILD = """
+import sys, tempfile
+from pathlib import Path
+sys.path.insert(0, {root!r})
+from obscurance_addon.core.process import ChildProcess
+outer = ChildProcess({server!r})
+outer.receive()
+tempfile.tempdir = str(outer.folder)  # as a child has it
+inner = ChildProcess({server!r})
+inner.receive()
+print(outer.folder, inner.folder, flush=True)
 sys.stdin.read()
 """
 
@@ -80,6 +96,41 @@ def test_an_error_of_the_core_arrives_as_what_it_is():
     with pytest.raises(ChildEndedError, match="_answer_with"):
         child.receive()
     child.end()
+
+
+def test_a_folder_that_takes_no_file_is_told_and_the_child_lives():
+    """As on a full disk; afterwards small and large messages arrive as before."""
+    child = ChildProcess(SERVER)
+    child.receive()
+    away = child.folder.with_name("away")
+    child.folder.rename(away)
+    large = np.zeros(1 << 20)
+    with pytest.raises(BackendError, match="no room in the folder for temporary files"):
+        child.send(("values", large))
+    away.rename(child.folder)
+    for key in ("nobody", large):
+        child.send(("values", key))
+        assert child.receive()[0] == "bug"
+    child.end()
+
+
+def test_without_a_temporary_folder_none_starts(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    with pytest.raises(ChildEndedError, match="the system does not start it"):
+        ChildProcess(SERVER)
+
+
+def test_what_a_child_makes_lies_in_its_folder(own_folder):
+    """So that it goes with that: here the process that unwraps, which is killed with the one that bakes."""
+    code = CHILD_IN_CHILD.format(root=str(ROOT), server=SERVER)
+    parent = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    outer, inner = map(Path, parent.stdout.readline().split())
+    assert inner.parent == outer
+    parent.kill()
+    parent.wait()
+    until(lambda: not list(own_folder.glob("obscurance-*")))
+    parent.stdin.close()
+    parent.stdout.close()
 
 
 @pytest.mark.parametrize("sign", [signal.SIGTERM, signal.SIGKILL])

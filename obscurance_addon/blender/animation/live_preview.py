@@ -1,8 +1,9 @@
 """Live Preview: keeps what is baked equal to the scene while it plays, is scrubbed, edited or rendered.
 
-In a window a child process computes; the first bake is not waited for, and edits are followed once they settle. In the
-background and in renders, where there are no timers, everything happens within the frame change. Nothing of Blender's
-is kept but names and session uids, so that undo, deletion and loading cannot leave a reference behind.
+In a window a child process computes; the first bake of obscurances is not waited for (light is, as it has no updates),
+and edits are followed once they settle. In the background and in renders, where there are no timers, everything happens
+within the frame change. Nothing of Blender's is kept but names and session uids, so that undo, deletion and loading
+cannot leave a reference behind.
 """
 
 from __future__ import annotations

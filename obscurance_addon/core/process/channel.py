@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import importlib
 import io
 import json
 import mmap
@@ -15,6 +17,7 @@ from ..errors import BackendError
 
 _MAPPED_BYTES = 1 << 17  # larger messages go through a file: less than what pipes hold, so that nobody waits to send
 _ALIGNMENT = 64
+_LENGTH_BYTES = 4
 _PACKAGE = __name__.rpartition(".core.")[0]  # each process may know the package by another name
 _OTHERS = {("functools", "partial"), ("builtins", "set"), ("builtins", "frozenset"), ("builtins", "slice")}
 
@@ -31,7 +34,8 @@ class Channel:
 
     def __init__(self, connection: Connection, folder: Path) -> None:
         self._connection, self._folder, self._files = connection, folder, 0
-        self._numbers: dict[int, tuple[int, object]] = {}  # id of an object -> its number, and the object itself
+        self._parts: dict[int, object] = {}  # by id, what the other end keeps; so it stays alive here too
+        self._numbers: dict[int, int] = {}  # of these, by id
         self._kept: dict[int, object] = {}  # by number, what the other end keeps here
         self._next = 0
         self._received: list[Path] = []
@@ -53,33 +57,28 @@ class Channel:
         OSError, ValueError
             When the other end has gone.
         """
-        numbers, new, gone, following = dict(self._numbers), {}, [], self._next
+        parts, numbers, new, gone, following = self._parts, self._numbers, {}, [], self._next
         if keep is not None:
-            kept = {id(part): part for part in keep}
-            gone = [number for key, (number, _) in numbers.items() if key not in kept]
-            numbers = {key: value for key, value in numbers.items() if key in kept}
-            for key, part in kept.items():
+            parts = {id(part): part for part in keep}
+            gone = [number for key, number in numbers.items() if key not in parts]
+            numbers = {key: number for key, number in numbers.items() if key in parts}
+            for key, part in parts.items():
                 if key not in numbers:
-                    numbers[key] = following, part
+                    numbers[key] = following
                     new[following] = part
                     following += 1
         buffers: list[pickle.PickleBuffer] = []
-        heads = [
-            _dumps((gone, new), {}, buffers),
-            _dumps(message, {key: number for key, (number, _) in numbers.items()}, buffers),
-        ]
+        heads = [_dumps((gone, new), {}, buffers) if gone or new else b"", _dumps(message, numbers, buffers)]
         views = [*map(memoryview, heads), *(buffer.raw() for buffer in buffers)]
         sizes = [view.nbytes for view in views]
         padded = [part for view in views for part in (view, bytes(-view.nbytes % _ALIGNMENT))]
-        name, inline = "", b""
+        name = ""
         if sum(sizes) > _MAPPED_BYTES:
-            name = self._written(padded)
-        else:
-            inline = b"".join(padded)
-        self._connection.send_bytes(json.dumps({"file": name, "sizes": sizes}).encode())
-        if not name:
-            self._connection.send_bytes(inline)
-        self._numbers, self._next = numbers, following
+            name, padded = self._written(padded), []
+        index = json.dumps({"file": name, "sizes": sizes}).encode()
+        index += b" " * (-(_LENGTH_BYTES + len(index)) % _ALIGNMENT)
+        self._connection.send_bytes(b"".join([len(index).to_bytes(_LENGTH_BYTES), index, *padded]))
+        self._parts, self._numbers, self._next = parts, numbers, following
 
     def _written(self, parts: list) -> str:
         """Write a file for the other end, whole or not at all; its name."""
@@ -110,7 +109,9 @@ class Channel:
             When the other end has gone.
         """
         self._tidy()
-        index = json.loads(self._connection.recv_bytes())
+        got = memoryview(bytearray(self._connection.recv_bytes()))
+        end = _LENGTH_BYTES + int.from_bytes(got[:_LENGTH_BYTES])
+        index = json.loads(bytes(got[_LENGTH_BYTES:end]))
         if index["file"]:
             path = self._folder / index["file"]
             with open(path, "rb") as file:
@@ -118,13 +119,13 @@ class Channel:
             self._received.append(path)
             self._tidy()
         else:
-            memory = memoryview(bytearray(self._connection.recv_bytes()))
+            memory = got[end:]
         views, start = [], 0
         for size in index["sizes"]:
             views.append(memory[start : start + size])
             start += size + -size % _ALIGNMENT
         buffers = iter(views[2:])
-        gone, new = _Loader(io.BytesIO(views[0]), {}, buffers).load()
+        gone, new = _Loader(io.BytesIO(views[0]), {}, buffers).load() if len(views[0]) else ([], {})
         for number in gone:
             del self._kept[number]
         self._kept.update(new)
@@ -146,6 +147,8 @@ class Channel:
 
 
 def _dumps(message: object, numbers: dict[int, int], buffers: list[pickle.PickleBuffer]) -> bytes:
+    if not numbers:
+        return pickle.dumps(message, protocol=5, buffer_callback=buffers.append)
     file = io.BytesIO()
     _Pickler(file, numbers, buffers).dump(message)
     return file.getvalue()
@@ -171,9 +174,15 @@ class _Loader(pickle.Unpickler):
         return self._kept_parts[number]
 
     def find_class(self, module: str, name: str) -> object:
-        package, _, rest = module.partition(".core.")
-        if rest and package.rpartition(".")[2] == _PACKAGE.rpartition(".")[2]:
-            return super().find_class(f"{_PACKAGE}.core.{rest}", name)
-        if module.partition(".")[0] == "numpy" or (module, name) in _OTHERS:
-            return super().find_class(module, name)
+        return _found(module, name)
+
+
+@functools.cache
+def _found(module: str, name: str) -> object:
+    """A class or function of the core, of numpy, or one of a few others."""
+    package, _, rest = module.partition(".core.")
+    if rest and package.rpartition(".")[2] == _PACKAGE.rpartition(".")[2]:
+        module = f"{_PACKAGE}.core.{rest}"
+    elif module.partition(".")[0] != "numpy" and (module, name) not in _OTHERS:
         raise pickle.UnpicklingError(f"a message names {module}.{name}")
+    return functools.reduce(getattr, name.split("."), importlib.import_module(module))

@@ -92,6 +92,7 @@ def bake_frames(
                 if frame == frames.last and updater is None:
                     raise
                 report = NOTHING_DONE
+            context.view_layer.update()  # what depends on the meshes that were written changes now, not with the frame
             writer.add(
                 frame, {name: stored_colours(context.view_layer.objects[name], output) for name in report.objects}
             )
@@ -114,7 +115,7 @@ def _first_update(
     """Bake the scene as it is, with what follows it from then on."""
     if light.needs_light:
         full = FullUpdater(objects, settings, output, light)
-        return full, full.update(context)
+        return full, full.update(context, context.evaluated_depsgraph_get())
     updater = FrameUpdater(context, objects, settings, output, ceiling_bytes, UpdateMode.EXACT)
     return updater, updater.start()
 

@@ -4,7 +4,8 @@
     updater.start()                                       # the full bake
     report = updater.update(context, depsgraph)           # after every change
 
-In a window, `begin` starts the full bake in a child process, and `take` takes it over once its run is done.
+Nothing is evaluated but in the constructor without a depsgraph, so that frame handlers may do all of it. In a window,
+`begin` starts the full bake in a child process, and `take` takes it over once its run is done.
 
 What a full bake derives from the whole scene (recentring, the automatic distance) stays as it was at the start.
 """
@@ -13,7 +14,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Hashable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import bpy
 import numpy as np
@@ -26,20 +27,18 @@ from ...core.order import (
     Follower,
     FollowOrder,
     JobMonitor,
-    MeshArrays,
     OutputSettings,
     Run,
     Target,
     make_follower,
 )
 from ...core.settings import BakeSettings
-from ...core.tracing import Held
 from ...core.updates import UpdateMode
 from ..jobs import check_destination, writable_objects
 from ..reading import snapshot_scene
 from ..writing import refresh_values, write_values
 from .followed_objects import likely_movers
-from .scene_changes import NotUpdatableError, SceneChanges
+from .scene_changes import SceneChanges
 
 STORED = "OBSCURANCE"
 _LOOK_S = 0.1
@@ -61,6 +60,8 @@ class FrameReport:
         Why everything was baked, '' where that was not needed.
     objects : list of str
         Names of the objects that have new values.
+    shared : list of str
+        Names of objects that show the mean of several, as they share a mesh.
     """
 
     patches: int
@@ -70,6 +71,7 @@ class FrameReport:
     seconds: float
     full: str
     objects: list[str]
+    shared: list[str] = field(default_factory=list)
 
 
 NOTHING_DONE = FrameReport(0, 0, 0, 0, 0.0, "", [])
@@ -91,6 +93,8 @@ class FrameUpdater:
     mode : UpdateMode
     in_child : bool
         Have a child process compute, as in windows.
+    depsgraph : bpy.types.Depsgraph, optional
+        As for `snapshot_scene`.
 
     Attributes
     ----------
@@ -114,6 +118,7 @@ class FrameUpdater:
         ceiling_bytes: int,
         mode: UpdateMode = UpdateMode.EXACT,
         in_child: bool = False,
+        depsgraph: bpy.types.Depsgraph | None = None,
     ) -> None:
         if output.target is Target.LIGHTMAP:
             raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
@@ -122,48 +127,35 @@ class FrameUpdater:
         writable = writable_objects(objects, self.notes)
         check_destination(writable, output, None)
         self.wanted = {ob.session_uid for ob in writable}
-        self._held: Held | None = None
         self._in_child = in_child
         self._follower: Follower | None = None
         self._last: Followed | None = None
-        self._movers: set[Hashable] = set()
-        self._untied: dict[Hashable, MeshArrays] = {}
-        self._read_all(context)
-
-    def _read_all(self, context: bpy.types.Context) -> None:
-        """Read the whole scene; main thread."""
         objects = [ob for ob in context.view_layer.objects if ob.session_uid in self.wanted]
-        layers = self._output.layer_names()
-        snapshot = snapshot_scene(context, objects, needs_rest=self._output.needs_rest, baked_layers=layers)
-        self.notes = list(dict.fromkeys([*self.notes, *snapshot.notes]))
-        self.changes = SceneChanges(snapshot, self.wanted, layers, self._untied)
-        self._movers |= likely_movers(context) & self.changes.known.keys()
+        layers, needs_rest = output.layer_names(), output.needs_rest
+        snapshot = snapshot_scene(context, objects, needs_rest, layers, depsgraph=depsgraph)
+        self._note(snapshot.notes)
+        self.changes = SceneChanges(snapshot, self.wanted, layers, needs_rest)
+        self._movers = likely_movers(context) & self.changes.known.keys()
+
+    def _note(self, notes: list[str]) -> None:
+        self.notes = list(dict.fromkeys([*self.notes, *notes]))
 
     def begin(self) -> Run:
         """Start the full bake of what was read."""
         if self._follower is None:
             self._follower = make_follower(self._in_child)
         order = FollowOrder(
-            self.changes.known, self._settings, self._output, self._movers, self._ceiling, self._mode, self._held
+            self.changes.known, self._settings, self._output, self._movers, self._ceiling, self._mode, None
         )
         return self._follower.begin(order, JobMonitor(Quantity.OBSCURANCE))
 
     def take(self, run: Run) -> None:
         """Write the values of a full bake that is done; main thread."""
-        self._take(run)
+        self._note(run.notes)
+        self._last = run.result
         baked = self._baked()
         values = [self._values(key) for key in baked]
         write_values(list(baked.values()), values, self._output, STORED)
-
-    def _take(self, run: Run) -> None:
-        self.notes = list(dict.fromkeys([*self.notes, *run.notes]))
-        self._last, self._held = run.result, run.result.held
-
-    def _compute(self) -> Run:
-        run = self.begin()
-        while not run.step(_LOOK_S):
-            continue
-        return run
 
     def end(self) -> None:
         """Let go of everything that is not the scene's."""
@@ -174,7 +166,10 @@ class FrameUpdater:
     def start(self) -> FrameReport:
         """The full bake, written at once; main thread."""
         began = time.perf_counter()
-        self.take(self._compute())
+        run = self.begin()
+        while not run.step(_LOOK_S):
+            continue
+        self.take(run)
         names = [baked.snapshot.name for baked in self._baked().values()]
         first = self._last.update
         return FrameReport(
@@ -189,39 +184,41 @@ class FrameUpdater:
         """Compare everything next time."""
         self.changes.distrust()
 
-    def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, rewrite: bool = False) -> FrameReport:
+    def update(
+        self,
+        context: bpy.types.Context,
+        depsgraph: bpy.types.Depsgraph,
+        rewrite: bool = False,
+        looks_at_pixels: bool = True,
+    ) -> FrameReport:
         """Follow what changed in the scene since the last time, and write the new values.
 
         Parameters
         ----------
         context : bpy.types.Context
         depsgraph : bpy.types.Depsgraph
-            Evaluated; of the viewport.
+            Evaluated.
         rewrite : bool
             Write all values, changed or not, as after an undo.
+        looks_at_pixels : bool
+            As for `SceneChanges.find`.
         """
         began = time.perf_counter()
-        try:
-            changed = self.changes.find(context, depsgraph)
-        except NotUpdatableError as error:
-            self._read_all(context)
-            self._take(self._compute())
-            changed, full, rewrite = {}, str(error), True
-        else:
-            self._last = self._follower.update(self.changes.known, changed, rewrite)
-            full = self._last.update.reason or ""
-        update = self._last.update
-        baked = self._baked()
+        changed = self.changes.find(context, depsgraph, looks_at_pixels)
+        self._note(self.changes.notes)
+        self._last = self._follower.update(self.changes.known, changed, rewrite)
+        update, baked = self._last.update, self._baked()
         chosen = set(baked) if rewrite else (update.keys | changed.keys()) & baked.keys()
-        written = refresh_values(baked, chosen, self._values, self._output, STORED)
+        written, shared = refresh_values(baked, chosen, self._values, self._output, STORED)
         return FrameReport(
             patches=update.patches,
             all_patches=self._last.patches,
             rays=update.rays,
             cached_rays=update.cached,
             seconds=time.perf_counter() - began,
-            full=full,
+            full=update.reason or "",
             objects=[baked[key].snapshot.name for key in written],
+            shared=[baked[key].snapshot.name for key in shared],
         )
 
     @property

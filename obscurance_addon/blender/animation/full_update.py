@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Hashable, Iterable
+from collections.abc import Iterable
 
 import bpy
 
 from ...core.light import LightSettings
-from ...core.order import MeshArrays, OutputSettings
+from ...core.order import OutputSettings
 from ...core.settings import BakeSettings
 from ..jobs import BakeJob
+from ..writing import has_layers
 from .frame_update import NOTHING_DONE, FrameReport
-from .scene_changes import NotUpdatableError, SceneChanges
+from .scene_changes import SceneChanges
 
 
 class FullUpdater:
@@ -37,23 +38,26 @@ class FullUpdater:
         self._changes: SceneChanges | None = None
         self._own: set[int] = set()  # what the last update wrote on
         self._is_changed = True
-        self._untied: dict[Hashable, MeshArrays] = {}
         self.notes: list[str] = []
 
     def update(
-        self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph | None = None, rewrite: bool = False
+        self,
+        context: bpy.types.Context,
+        depsgraph: bpy.types.Depsgraph,
+        rewrite: bool = False,
+        looks_at_pixels: bool = True,
     ) -> FrameReport:
         """Bake and write everything, unless nothing changed; parameters as for `FrameUpdater.update`."""
         began = time.perf_counter()
-        if not (self._is_changed or rewrite or self._finds_changes(context, depsgraph)):
+        if not (self._is_changed or rewrite or self._finds_changes(context, depsgraph, looks_at_pixels)):
             return NOTHING_DONE
         objects = [ob for ob in context.view_layer.objects if ob.session_uid in self.wanted]
-        job = BakeJob(context, objects, self._settings, self._output, self._light, in_child=self._in_child)
-        layers = self._output.layer_names()
-        self._changes = SceneChanges(job.snapshot, self.wanted, layers, self._untied)
+        job = BakeJob(
+            context, objects, self._settings, self._output, self._light, in_child=self._in_child, depsgraph=depsgraph
+        )
+        self._changes = SceneChanges(job.snapshot, self.wanted, self._output.layer_names(), self._output.needs_rest)
         report = job.run()
         self.notes = list(dict.fromkeys([*self.notes, *report.warnings]))
-        context.view_layer.update()  # what depends on the meshes that were written is evaluated before anyone listens
         self._own = {uid for ob in objects for uid in (ob.session_uid, ob.data.session_uid)}
         self._is_changed = False
         return FrameReport(
@@ -81,9 +85,11 @@ class FullUpdater:
         """Bake next time, whatever is found."""
         self._is_changed = True
 
-    def _finds_changes(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
+    def _finds_changes(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, looks_at_pixels: bool) -> bool:
         self._changes.distrust()
-        try:
-            return bool(self._changes.find(context, depsgraph))
-        except NotUpdatableError:
+        if self._changes.find(context, depsgraph, looks_at_pixels):
             return True
+        baked = {change.baked.session_uid for change in self._changes.known.values() if change.baked is not None}
+        return any(
+            ob.session_uid in baked and not has_layers(ob.data, self._output) for ob in context.view_layer.objects
+        )

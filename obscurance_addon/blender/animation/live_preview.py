@@ -4,22 +4,30 @@ In a window a child process computes; the first bake of obscurances is not waite
 and edits are followed once they settle. In the background and in renders, where there are no timers, everything happens
 within the frame change. Nothing of Blender's is kept but names and session uids, so that undo, deletion and loading
 cannot leave a reference behind.
+
+Within a frame change nothing is evaluated: Blender crashes when what was tagged there is, if visibility is keyed. What
+is written is evaluated after all handlers. No data-block is made either: made outside of an undo step, it makes the
+next undo crash. So objects that share a mesh get meshes of their own when the preview is switched on, and those that
+come to share one later show the mean.
 """
 
 from __future__ import annotations
 
 import logging
 import time
+from dataclasses import replace
 
 import bpy
 
 from ...core.errors import ObscuranceError
 from ...core.light import LightSettings
-from ...core.order import OutputSettings, Run, Target
+from ...core.order import OutputSettings, Run, SharedMeshes, Target
 from ...core.settings import BakeSettings
 from ...core.updates import UpdateMode
 from ..jobs import commit_count, is_baking
+from ..reading import names_of
 from ..stored_preferences import ADDON
+from ..writing import keeps_what_is_written, separate
 from . import status_line
 from .cache_playback import CachePlayback
 from .followed_objects import preview_objects
@@ -86,13 +94,27 @@ class LivePreview:
         if self._updater is not None:
             self._updater.distrust()
 
+    def prepare(self, scene: bpy.types.Scene) -> None:
+        """Give each object that is followed a mesh of its own, within the undo step of who switches the preview on."""
+        output = scene.obscurance.to_output()
+        if scene == bpy.context.scene and output.shared_meshes is SharedMeshes.SEPARATE and not _in_edit_mode():
+            notes: list[str] = []
+            followed = preview_objects(bpy.context, output.attribute_name)
+            separate([ob for ob in followed if keeps_what_is_written(ob.data)], [], notes)
+            for note in notes:
+                self._tell_once(note)
+
     def on_frame(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """A frame was set; the only place from where values are written within a frame."""
         self._distrust_while_baking()
-        if not self._follows(scene) or (depsgraph.mode == "RENDER" and scene.frame_subframe != 0.0):
+        if not self._follows(scene) or depsgraph.view_layer.name != bpy.context.view_layer.name:
+            return
+        if depsgraph.mode == "RENDER" and scene.frame_subframe != 0.0:
             return
         if self._updater is not None and depsgraph.mode == "VIEWPORT":
             self._updater.note(depsgraph)
+        elif self._updater is not None:  # of one that renders make anew for every frame
+            self._updater.distrust()
         if _in_edit_mode():  # where a mesh can neither be read nor written
             self.status = "Waiting for Edit Mode to end"
             if depsgraph.mode == "RENDER":
@@ -101,7 +123,26 @@ class LivePreview:
         if status_line.has_window() and self._updater is None and not self._playback.has(scene):
             self.on_change(scene, None)
             return
-        self._bring_up_to_date(scene, depsgraph)
+        self._bring_up_to_date(scene, self._evaluated(depsgraph))
+        if self._looks_later():
+            self.on_change(scene, None)
+
+    def _evaluated(self, depsgraph: bpy.types.Depsgraph) -> bpy.types.Depsgraph:
+        """The depsgraph of a frame, with what other handlers did.
+
+        This is evaluated after all handlers, and no one is told of it. In a window it is looked for once frames have
+        settled. Elsewhere there is no later, so it is evaluated here; Blender survives that when it sorts all anew.
+        """
+        if _others_listen():
+            self._distrust_updater()
+            if not status_line.has_window():
+                depsgraph.debug_tag_update()
+                depsgraph.update()
+        return depsgraph
+
+    def _looks_later(self) -> bool:
+        """Whether there is more to follow when frames have settled than was in the frame."""
+        return status_line.has_window() and (_others_listen() or _is_playing())
 
     def on_change(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None) -> None:
         """Something changed outside of a frame change: follow it once it settles."""
@@ -135,11 +176,14 @@ class LivePreview:
             return _BUSY_S
         bpy.context.view_layer.update()  # objects that were deleted are gone from it only then
         if self._playback.has(scene) or self._is_current(scene):
+            if _others_listen():
+                self._distrust_updater()
             self._bring_up_to_date(scene, bpy.context.evaluated_depsgraph_get())
+            self._evaluate_unheard()
         else:
             self._busy = True
             try:
-                self._start(scene, waits=False)
+                self._start(scene, None)
             except BaseException:
                 self._forget()
                 raise
@@ -147,6 +191,14 @@ class LivePreview:
                 self._busy = False
                 self._commits = commit_count()
         return None
+
+    def _evaluate_unheard(self) -> None:
+        """Have what depends on the meshes that were written evaluated now; heard of later, it would seem an edit."""
+        self._busy = True
+        try:
+            bpy.context.view_layer.update()
+        finally:
+            self._busy = False
 
     def _bring_up_to_date(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """Make the values those of the scene as it is now, within this call."""
@@ -159,18 +211,11 @@ class LivePreview:
                 self.status = self._playback.show(scene)
                 return
             self._playback.forget_shown()
-            # Values belong to the meshes of the viewport, as those of a bake do, which a render leaves where they were.
-            # What other handlers do in a frame is evaluated after all of them, and no update names it.
-            is_render = depsgraph.mode == "RENDER"
-            if is_render or _others_listen():
-                bpy.context.view_layer.update()
-                depsgraph = bpy.context.evaluated_depsgraph_get()
-                if is_render or isinstance(self._updater, FrameUpdater):
-                    self._distrust_updater()
             if not self._is_current(scene) or self._has_new_objects(scene):
-                self._start(scene, waits=True)
+                self._start(scene, depsgraph)
             else:
-                self._tell(self._updater.update(bpy.context, depsgraph, rewrite=self._rewrite))
+                looks_at_pixels = not _is_playing()
+                self._tell(self._updater.update(bpy.context, depsgraph, self._rewrite, looks_at_pixels))
             self._rewrite = False
         except ObscuranceError as error:
             self._give_up(error)
@@ -182,21 +227,24 @@ class LivePreview:
             self._commits = commit_count()
             status_line.redraw_panels()
 
-    def _start(self, scene: bpy.types.Scene, waits: bool) -> None:
-        """The full bake from which everything is followed."""
+    def _start(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None) -> None:
+        """The full bake from which everything is followed; waited for where it is given the depsgraph of a frame."""
         asked = settings, output, light, mode, memory, _where = _asked_of(scene)
         self._let_go()
         in_child, updater = not bpy.app.background, None
         try:
             if output.target is Target.LIGHTMAP:
                 raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
+            output = replace(output, shared_meshes=SharedMeshes.AVERAGE)
             objects = preview_objects(bpy.context, output.attribute_name)
             if light.needs_light:
                 updater = FullUpdater(objects, settings, output, light, in_child)
-                self._tell_once(f"{updater.update(bpy.context).full}: everything is baked anew at every change")
+                report = updater.update(bpy.context, depsgraph or bpy.context.evaluated_depsgraph_get())
+                self._tell_once(f"{report.full}: everything is baked anew at every change")
             else:
-                updater = FrameUpdater(bpy.context, objects, settings, output, memory * (1 << 20), mode, in_child)
-                if not waits:
+                ceiling = memory * (1 << 20)
+                updater = FrameUpdater(bpy.context, objects, settings, output, ceiling, mode, in_child, depsgraph)
+                if depsgraph is None:
                     self.status = "Baking once..."
                     self._starting = updater, updater.begin()
                     self._asked = asked
@@ -262,6 +310,11 @@ class LivePreview:
         return has_new
 
     def _tell(self, report: FrameReport) -> None:
+        if report.shared and bpy.context.scene.obscurance.shared_meshes == SharedMeshes.SEPARATE:
+            self._tell_once(
+                f"these share a mesh, so they show the mean of their values: {names_of(report.shared)}; switch Live "
+                "Preview off and on to give each a mesh of its own"
+            )
         if report.full and isinstance(self._updater, FrameUpdater):
             self._tell_once(f"{report.full}: everything was baked anew")
         elif self._updater.cache_is_full:
@@ -317,6 +370,11 @@ def _others_listen() -> bool:
     """Whether anything but this add-on may change the scene when a frame is set."""
     handlers = (*bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post)
     return any(not getattr(handler, "__module__", "").startswith(ADDON) for handler in handlers)
+
+
+def _is_playing() -> bool:
+    """Whether an animation plays in a window."""
+    return any(window.screen.is_animation_playing for window in bpy.context.window_manager.windows)
 
 
 def _in_edit_mode() -> bool:

@@ -1,28 +1,37 @@
-"""What of a scene changed since it was last looked at, told by comparing arrays, never by the depsgraph's word alone.
+"""What of a scene changed since it was last looked at.
 
-The depsgraph names what it evaluated again. Where it can be trusted, nothing else is read; what it names is read and
-compared, since Cycles without persistent data reports all there is at every frame.
+The rule, which holds for Live Preview, ranges of frames and renders alike. An object counts as changed when anything
+that a bake reads of it differs from what was read last:
+- where it is, its evaluated mesh, and the unmodified face that each evaluated one comes from,
+- its unmodified mesh, whose faces receive the values,
+- how its faces look: their reflectance and emission, however materials, images and attributes make them,
+- its name, which picks its rays, and its mesh data-block, on which values are written.
+
+Arrays decide, never the depsgraph's word alone: Cycles without persistent data reports all there is at every frame. But
+not all arrays are read at every look. An object is read again when the depsgraph evaluated it or its mesh since, or
+when it has another name, mesh or materials. All objects are when a material, node tree, image or texture was evaluated,
+when pixels were changed, of which Blender tells nobody, when another depsgraph is looked at, in renders, and after an
+undo.
+
+What is written is no part of this: `refresh_values` makes results anew that were removed, renamed or retyped.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from dataclasses import fields, replace
 
 import bpy
 import numpy as np
 
-from ...core.errors import ObscuranceError
 from ...core.order import BakedObject, Change, MeshArrays, ObjectSnapshot, SceneSnapshot, shade
 from ...core.scene import same_numbers
-from ..reading import SceneReader, instance_key, keeps_links, materials_of, read_mesh, same_faces
+from ..materials import PixelWatch
+from ..reading import SceneReader, instance_key, materials_of, tie
 
 # Kinds of data whose change may change how any object looks.
 _LOOKS = (bpy.types.Material, bpy.types.NodeTree, bpy.types.Image, bpy.types.Texture)
-
-
-class NotUpdatableError(ObscuranceError):
-    """A change that only a full bake can follow; the message says which."""
+_SHAPE = [field.name for field in fields(MeshArrays) if field.name not in {"uv", "uv_map"}]
 
 
 class SceneChanges:
@@ -32,29 +41,32 @@ class SceneChanges:
     ----------
     snapshot : SceneSnapshot
         The scene as it was baked.
-    wanted : set of int
+    wanted : collection of int
         Session uids of all objects that are to receive values, visible or not.
-    baked_layers : sequence of str
+    baked_layers, needs_rest
         As for `snapshot_scene`.
-    untied : dict of hashable to MeshArrays
-        What modifiers made of objects when that could not be tied to their unmodified mesh; filled in, and to be handed
-        on to the `SceneChanges` of the next full bake, which has the unmodified mesh instead.
+
+    Attributes
+    ----------
+    known : dict from hashable to Change
+        The objects as they were when last looked at.
+    notes : list of str
+        What the user should know of the last look.
     """
 
     def __init__(
-        self,
-        snapshot: SceneSnapshot,
-        wanted: set[int],
-        baked_layers: Sequence[str],
-        untied: dict[Hashable, MeshArrays],
+        self, snapshot: SceneSnapshot, wanted: Collection[int], baked_layers: Sequence[str], needs_rest: bool
     ) -> None:
-        self._wanted, self._baked_layers, self._untied = wanted, baked_layers, untied
+        self._wanted, self._baked_layers, self._needs_rest = wanted, baked_layers, needs_rest
         self.known: dict[Hashable, Change] = {
             baked.snapshot.key: Change(baked.snapshot, baked) for baked in snapshot.baked
         }
         self.known.update({ob.key: Change(ob, None) for ob in snapshot.occluders})
+        self.notes: list[str] = []
+        self._pixels = PixelWatch()
         self._evaluated: set[int] = set()
         self._shaded: set[int] = set()
+        self._mode = ""  # of the depsgraph that was looked at
         self._all = True
 
     def distrust(self) -> None:
@@ -71,15 +83,23 @@ class SceneChanges:
             elif update.is_updated_shading:  # so is all that an animation moves
                 self._shaded.add(update.id.original.session_uid)
 
-    def find(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> dict[Hashable, Change | None]:
+    def find(
+        self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, looks_at_pixels: bool = True
+    ) -> dict[Hashable, Change | None]:
         """What changed since the last time, by key; None for what is gone. `known` is what there is now.
 
-        Raises
-        ------
-        NotUpdatableError
-            When an object has other faces than before; what is known then stays as it was.
+        Parameters
+        ----------
+        context : bpy.types.Context
+        depsgraph : bpy.types.Depsgraph
+            Evaluated.
+        looks_at_pixels : bool
+            Look also for images whose pixels were changed and not saved, which takes its time where they are large.
         """
-        reader = SceneReader(context, [], self._baked_layers, None, None)
+        self._all |= depsgraph.mode != self._mode
+        self._all |= looks_at_pixels and self._pixels.changed()
+        self._mode, self.notes = depsgraph.mode, []
+        reader = SceneReader(context, depsgraph, self.notes, self._wanted, self._baked_layers, self._needs_rest)
         now: dict[Hashable, Change] = {}
         changed: dict[Hashable, Change | None] = {}
         for instance in depsgraph.object_instances:
@@ -87,77 +107,73 @@ class SceneChanges:
                 continue
             key = instance_key(instance)
             old = self.known.get(key)
-            new = self._read(reader, instance, old)
+            new = self._look(reader, instance, old)
             now[key] = new
             if new is not old:
                 changed[key] = new
         changed.update({key: None for key in self.known if key not in now})
         self.known = now
+        self._pixels.add(reader.images)
         self._evaluated.clear()
         self._shaded.clear()
         self._all = False
         return changed
 
-    def _read(self, reader: SceneReader, instance: bpy.types.DepsgraphObjectInstance, old: Change | None) -> Change:
+    def _look(self, reader: SceneReader, instance: bpy.types.DepsgraphObjectInstance, old: Change | None) -> Change:
         """An instance as it is now; `old` itself if it did not change."""
-        ob = instance.object
-        matrix = np.array(instance.matrix_world, np.float64)
+        if old is not None and not self._must_read(instance.object, old.snapshot):
+            matrix = np.array(instance.matrix_world, np.float64)
+            return old if same_numbers(matrix, old.snapshot.matrix) else _at(old, matrix)
+        snapshot, original = reader.read(instance), instance.object.original
+        is_baked = not instance.is_instance and original.session_uid in self._wanted
+        new = Change(snapshot, tie(original, snapshot, reader) if is_baked else None)
+        if new.baked is not None:
+            new = Change(new.baked.snapshot, new.baked)
+        return new if old is None else _with_what_stayed(new, old)
+
+    def _must_read(self, ob: bpy.types.Object, old: ObjectSnapshot) -> bool:
         data_uid = ob.original.data.session_uid
         uids = {ob.original.session_uid, data_uid}
-        is_same = old is not None and (ob.name, data_uid) == (old.snapshot.name, old.snapshot.data_uid)
-        if is_same and not self._all and not uids & self._evaluated:
-            if uids & self._shaded and materials_of(ob) != old.snapshot.materials:
-                return _moved(old, replace(reader.read(instance), mesh=old.snapshot.mesh))
-            if same_numbers(matrix, old.snapshot.matrix):
-                return old
-            return _moved(old, replace(old.snapshot, matrix=matrix))
-        new = reader.read(instance)
-        if old is not None and new.key in self._untied and _same(new.mesh, self._untied[new.key]):
-            new = replace(new, mesh=old.snapshot.mesh, surface=old.snapshot.surface)
-        if old is not None and _same(new.mesh, old.snapshot.mesh):
-            if is_same and _same_look(new, old.snapshot):
-                new = replace(old.snapshot, matrix=matrix)
-                return old if same_numbers(matrix, old.snapshot.matrix) else _moved(old, new)
-            return _moved(old, replace(new, mesh=old.snapshot.mesh))
-        if instance.is_instance or ob.original.session_uid not in self._wanted:
-            return Change(new, None)
-        baked = self._tied(ob.original, new, old)
-        return Change(baked.snapshot, baked)
-
-    def _tied(self, ob: bpy.types.Object, new: ObjectSnapshot, old: Change | None) -> BakedObject:
-        """An object tied to its unmodified mesh, by the links that the last full bake found if modifiers make faces."""
-        if ob.data.is_editmode:
-            raise NotUpdatableError(f"object '{ob.name}' is in Edit Mode")
-        mesh, before = new.mesh, old and old.baked
-        if before is not None and not same_faces(ob.data, before.base):
-            raise NotUpdatableError(f"the mesh of object '{ob.name}' has other faces than before")
-        if before is None or before.snapshot.mesh.face_origin is None:
-            if not same_faces(ob.data, mesh):
-                self._untied[new.key] = mesh
-                raise NotUpdatableError(f"the modifiers of object '{ob.name}' make other faces than before")
-            return BakedObject(new, mesh, ob.session_uid)
-        if not keeps_links(ob) or not _same_topology(mesh, before.snapshot.mesh):
-            raise NotUpdatableError(f"the modifiers of object '{ob.name}' make other faces than before")
-        base = read_mesh(ob.data)
-        if before.snapshot.mesh.rest is not None and not same_numbers(base.positions, before.base.positions):
-            raise NotUpdatableError(f"the vertices below the modifiers of object '{ob.name}' were moved")
-        mesh = replace(mesh, face_origin=before.snapshot.mesh.face_origin, rest=before.snapshot.mesh.rest)
-        return BakedObject(replace(new, mesh=mesh), base, before.session_uid)
+        return (
+            self._all
+            or (ob.name, data_uid) != (old.name, old.data_uid)
+            or not uids.isdisjoint(self._evaluated)
+            or (not uids.isdisjoint(self._shaded) and materials_of(ob) != old.materials)
+        )
 
 
-def _moved(old: Change, snapshot: ObjectSnapshot) -> Change:
-    """The same mesh, elsewhere or in other colours."""
+def _at(old: Change, matrix: np.ndarray) -> Change:
+    """The same object elsewhere."""
+    snapshot = replace(old.snapshot, matrix=matrix)
     return Change(snapshot, None if old.baked is None else replace(old.baked, snapshot=snapshot))
 
 
-def _same(one: MeshArrays, other: MeshArrays) -> bool:
-    """Whether two meshes are equal, but for where their faces came from."""
-    names = [field.name for field in fields(MeshArrays) if field.name not in {"face_origin", "rest", "uv", "uv_map"}]
-    return all(same_numbers(getattr(one, name), getattr(other, name)) for name in names)
+def _with_what_stayed(new: Change, old: Change) -> Change:
+    """What was read, with the very arrays of before where they are equal; `old` itself if all is."""
+    before, after = old.snapshot, new.snapshot
+    stayed = False
+    if _same_shape(after.mesh, before.mesh):
+        after = replace(after, mesh=before.mesh)
+        stayed = _same_look(after, before)
+    if stayed:
+        after = replace(after, surface=before.surface, shadings=before.shadings)
+    baked = new.baked and BakedObject(after, _base_that_stayed(new.baked, old.baked, after), new.baked.session_uid)
+    stayed &= (baked and baked.base) is (old.baked and old.baked.base)
+    if stayed and all(getattr(after, name) == getattr(before, name) for name in ("name", "data_uid", "materials")):
+        return old if same_numbers(after.matrix, before.matrix) else _at(old, after.matrix)
+    return Change(after, baked)
 
 
-def _same_topology(one: MeshArrays, other: MeshArrays) -> bool:
-    return same_numbers(one.face_start, other.face_start) and same_numbers(one.corner_vertex, other.corner_vertex)
+def _base_that_stayed(new: BakedObject, old: BakedObject | None, snapshot: ObjectSnapshot) -> MeshArrays:
+    """The unmodified mesh of an object, as the very arrays of before if they are equal."""
+    if new.base is new.snapshot.mesh:
+        return snapshot.mesh
+    return old.base if old is not None and _same_shape(new.base, old.base) else new.base
+
+
+def _same_shape(one: MeshArrays, other: MeshArrays) -> bool:
+    pairs = [(getattr(one, name), getattr(other, name)) for name in _SHAPE]
+    return all(a is b or (a is not None and b is not None and same_numbers(a, b)) for a, b in pairs)
 
 
 def _same_look(one: ObjectSnapshot, other: ObjectSnapshot) -> bool:

@@ -72,6 +72,8 @@ class BakeJob:
     in_child : bool
         Have a child process carry it out, so that a window answers meanwhile; else a thread of this process does while
         `step` waits.
+    depsgraph : bpy.types.Depsgraph, optional
+        As for `snapshot_scene`.
 
     Raises
     ------
@@ -88,6 +90,7 @@ class BakeJob:
         light: LightSettings | None = None,
         lightmap: LightmapSettings | None = None,
         in_child: bool = False,
+        depsgraph: bpy.types.Depsgraph | None = None,
     ) -> None:
         began = time.perf_counter()
         light = light or LightSettings()
@@ -105,6 +108,7 @@ class BakeJob:
             baked_layers=output.layer_names(),
             needs_light=light.needs_light,
             lightmap=lightmap,
+            depsgraph=depsgraph,
         )
         self._metres_per_unit = context.scene.unit_settings.scale_length
         self._warnings += snapshot.notes

@@ -5,6 +5,7 @@ notes about what could not be read.
 """
 
 from .nodes import Input, Output, UnreadableNodeError, node_tree_of
+from .pixel_watch import PixelWatch
 from .snapshot import snapshot_material
 from .surfaces import read_surface
 from .textures import ImageCache
@@ -14,6 +15,7 @@ __all__ = [
     "ImageCache",
     "Input",
     "Output",
+    "PixelWatch",
     "TreeReader",
     "UnreadableNodeError",
     "node_tree_of",

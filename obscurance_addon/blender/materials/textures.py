@@ -21,6 +21,11 @@ class ImageCache:
     def __len__(self) -> int:
         return len(self._textures)
 
+    @property
+    def uids(self) -> set[int]:
+        """Session uids of the images that were read."""
+        return {uid for uid, _alpha in self._textures}
+
     def texture(self, image: bpy.types.Image, alpha_linked: bool) -> Texture | None:
         """The image's texture, or None if Blender has no pixels for it.
 

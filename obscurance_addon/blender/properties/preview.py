@@ -20,6 +20,7 @@ def _switched(self: PreviewProperties, _context: bpy.types.Context) -> None:
     PREVIEW.stop()
     if self.live_preview:
         scene.render.use_lock_interface = True  # values are written while frames render
+        PREVIEW.prepare(scene)
         PREVIEW.on_change(scene, None)
 
 

@@ -3,11 +3,11 @@
 In go a context and the objects to bake. Out comes a snapshot of plain arrays, with notes about what was left out.
 """
 
-from .meshes import read_face_start, read_mesh, same_faces
+from .meshes import read_face_start, same_faces
 from .object_mode import ObjectModeGuard, in_object_mode
 from .objects import SOLID_TYPES, SceneReader, instance_key, materials_of, names_of
-from .origins import keeps_links
 from .scene import snapshot_scene
+from .ties import tie
 from .visibility import rendered_meshes
 
 __all__ = [
@@ -16,12 +16,11 @@ __all__ = [
     "SceneReader",
     "in_object_mode",
     "instance_key",
-    "keeps_links",
     "materials_of",
     "names_of",
     "read_face_start",
-    "read_mesh",
     "rendered_meshes",
     "same_faces",
     "snapshot_scene",
+    "tie",
 ]

@@ -7,9 +7,6 @@ import numpy as np
 
 from ...core.order import MeshArrays
 
-FACE_INDEX = "obscurance_face_index"  # carried through modifiers; above 0, since faces without origin read 0
-REST_POSITION = "obscurance_rest_position"
-
 
 def read_attribute(mesh: bpy.types.Mesh, name: str, field_name: str, dtype: str, width: int) -> np.ndarray:
     """All values of an attribute as (n, width), or (n,) for width 1."""
@@ -35,7 +32,6 @@ def read_mesh(mesh: bpy.types.Mesh, uv_map: str | None = None) -> MeshArrays:
     mesh.loop_triangles.foreach_get("loops", triangle_corners)
     triangle_face = np.empty(n_triangles, np.int32)
     mesh.loop_triangle_polygons.foreach_get("value", triangle_face)
-    names = mesh.attributes.keys()
     if uv_map == "":
         uv_map = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
     has_uv = bool(uv_map) and uv_map in mesh.uv_layers
@@ -49,8 +45,6 @@ def read_mesh(mesh: bpy.types.Mesh, uv_map: str | None = None) -> MeshArrays:
         corner_edge=read_attribute(mesh, ".corner_edge", "value", "i4", 1),
         sharp_edge=_optional(mesh, "sharp_edge", "?", len(mesh.edges)),
         sharp_face=_optional(mesh, "sharp_face", "?", n_faces),
-        face_origin=read_attribute(mesh, FACE_INDEX, "value", "i4", 1) if FACE_INDEX in names else None,
-        rest=read_attribute(mesh, REST_POSITION, "vector", "f4", 3) if REST_POSITION in names else None,
         uv=read_attribute(mesh, uv_map, "vector", "f4", 2) if has_uv else None,
         uv_map=uv_map or "",
     )

@@ -2,36 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Collection, Hashable, Iterable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
 
 import bpy
 import numpy as np
 
 from ...core.light import LightSources
-from ...core.lightmap import LightmapSettings
+from ...core.lightmap import LightmapSettings, UvMode
 from ...core.order import MeshArrays, ObjectSnapshot
 from ...core.shading import Shading, SurfaceArrays
 from ..materials import ImageCache, node_tree_of, read_surface, snapshot_material
 from .lights import LightReader, read_world
 from .meshes import read_mesh
+from .origins import EvaluatedMesh, carried_mesh, evaluated_mesh, may_change_topology
 from .visibility import rendered_members, rendered_objects
 
 SOLID_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 
 
 class SceneReader:
-    """Reads instances one by one; meshes, materials and images are read once however often they are used."""
+    """Reads instances one by one; meshes, materials and images are read once however often they are used.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        Whose scene and view layer are read.
+    depsgraph : bpy.types.Depsgraph
+        Evaluated; all that is read comes from it.
+    notes : list of str
+        Gets what the user should know.
+    wanted : collection of int
+        Session uids of the objects to bake, whose faces are followed through their modifiers.
+    baked_layers : sequence of str
+        As for `snapshot_scene`.
+    needs_rest : bool
+        As for `snapshot_scene`.
+    lights : LightReader, optional
+    lightmap : LightmapSettings, optional
+    """
 
     def __init__(
         self,
         context: bpy.types.Context,
+        depsgraph: bpy.types.Depsgraph,
         notes: list[str],
-        baked_layers: Sequence[str],
-        lights: LightReader | None,
-        lightmap: LightmapSettings | None,
+        wanted: Collection[int] = (),
+        baked_layers: Sequence[str] = (),
+        needs_rest: bool = False,
+        lights: LightReader | None = None,
+        lightmap: LightmapSettings | None = None,
     ) -> None:
         self.lightmap = lightmap
         self.baked_layers = baked_layers
+        self._depsgraph, self._wanted, self._needs_rest = depsgraph, wanted, needs_rest
         self._lights = lights
         self._scene = context.scene
         self._rendered = rendered_objects(context.view_layer.layer_collection)
@@ -61,13 +86,13 @@ class SceneReader:
         key = ob.data.as_pointer()
         surface_key = (key, *map(id, shadings))
         if surface_key not in self._surfaces:
-            mesh = ob.to_mesh()  # not ob.data, which lacks the last subdivision where the graphics card makes it
-            if key not in self._meshes:
-                self._meshes[key] = read_mesh(mesh, self.lightmap and self.lightmap.uv_map)
-            else:
-                mesh.calc_loop_triangles()
-            self._surfaces[surface_key] = read_surface(mesh, shadings, self.baked_layers)
-            ob.to_mesh_clear()
+            with self._evaluated(ob) as made:
+                if key not in self._meshes:
+                    mesh = read_mesh(made.mesh, self.lightmap and self.lightmap.uv_map)
+                    self._meshes[key] = replace(mesh, face_origin=made.face_origin, rest=made.rest)
+                else:
+                    made.mesh.calc_loop_triangles()
+                self._surfaces[surface_key] = read_surface(made.mesh, shadings, self.baked_layers)
         matrix = np.array(instance.matrix_world, np.float64)
         surface = self._surfaces[surface_key]
         return ObjectSnapshot(
@@ -80,6 +105,24 @@ class SceneReader:
             materials_of(ob),
             ob.original.data.session_uid,
         )
+
+    def _evaluated(self, ob: bpy.types.Object) -> AbstractContextManager[EvaluatedMesh]:
+        """The mesh of an evaluated object or instance, with where its faces come from if that has to be told."""
+        original = ob.original
+        keeps_uv = self.lightmap is not None and self.lightmap.uv_mode is UvMode.KEEP
+        if isinstance(original.data, bpy.types.Mesh) and may_change_topology(original) and not keeps_uv:
+            own = original.evaluated_get(self._depsgraph)  # an instance may be of it, or of what its nodes made
+            results = {*self.baked_layers, *result_layers(original.data)}
+            if own.data.as_pointer() == ob.data.as_pointer() and (
+                original.session_uid in self._wanted or not results.isdisjoint(original.data.attributes.keys())
+            ):
+                return carried_mesh(own, self._depsgraph, self._needs_rest, results)
+        return evaluated_mesh(ob)
+
+    @property
+    def images(self) -> set[int]:
+        """Session uids of the images that were looked at."""
+        return self._images.uids
 
     def shows(self, instance: bpy.types.DepsgraphObjectInstance) -> bool:
         """Whether an instance is a mesh with faces that is visible in the viewport and in renders."""
@@ -175,6 +218,13 @@ def instance_key(instance: bpy.types.DepsgraphObjectInstance) -> Hashable:
     if not instance.is_instance:
         return uid
     return instance.parent.original.session_uid, uid, tuple(instance.persistent_id)
+
+
+def result_layers(mesh: bpy.types.Mesh) -> set[str]:
+    """Names of the layers of a mesh that bakes made, but for a UV map by which textures are looked up."""
+    uv_maps = {layer.uv_map for layer in mesh.obscurance_layers if layer.made_uv_map}
+    rendered = {layer.name for layer in mesh.uv_layers if layer.active_render}
+    return {layer.name for layer in mesh.obscurance_layers if not layer.uv_map} | (uv_maps - rendered)
 
 
 def materials_of(ob: bpy.types.Object) -> tuple[int, ...]:

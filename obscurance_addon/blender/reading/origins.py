@@ -1,17 +1,20 @@
-"""Face indices and vertex positions that ride through modifiers, to tell where each evaluated face came from."""
+"""Where the faces that modifiers make come from: face indices and vertex positions that ride through modifiers.
+
+They ride on the depsgraph's own copy of a mesh, over which the modifiers of one object run once more. So nothing of the
+user's is touched or tagged and nothing else is evaluated, which a frame handler may not have done: Blender crashes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
 
-from ...core.errors import GeometryError
 from ...core.order import MeshArrays
-from .meshes import FACE_INDEX, REST_POSITION, read_attribute
+from .meshes import read_attribute
 
 # Modifiers that move vertices at most; every other one may change which faces there are.
 _DEFORM_ONLY = {
@@ -22,77 +25,121 @@ _DEFORM_ONLY = {
     "WEIGHTED_NORMAL",
 }  # fmt: skip
 
-# Modifiers that do the same to every face, wherever it is.
-_ALL_FACES_ALIKE = {"SUBSURF", "MULTIRES", "SOLIDIFY"}
+_FACE_INDEX = "obscurance_face_index"  # above 0, since faces without origin read 0
+_REST_POSITION = "obscurance_rest_position"
 
 
-@contextmanager
-def carried_indices(objects: list[bpy.types.Object], needs_rest: bool) -> Iterator[dict[int, int]]:
-    """Put face indices (and positions) on meshes whose modifiers may change topology, while the block lasts.
+@dataclass(frozen=True)
+class EvaluatedMesh:
+    """A mesh as modifiers make it, and what its faces (f,) int32 and vertices (v, 3) float32 carried, if anything."""
 
-    Gives the session uid of each such mesh and the index before its first one: no two meshes use the same indices, so
-    that faces which modifiers bring in from another object are not taken for an object's own.
-    """
-    meshes = {ob.data.session_uid: ob.data for ob in objects if _may_change_topology(ob)}
-    for mesh in meshes.values():
-        taken = {FACE_INDEX, REST_POSITION}.intersection(mesh.attributes.keys())
-        if taken:
-            raise GeometryError(
-                f"mesh '{mesh.name}' has an attribute named '{taken.pop()}', which a bake needs: rename it"
-            )
-    counts = [len(mesh.polygons) for mesh in meshes.values()]
-    first_index = dict(zip(meshes, np.cumsum([0, *counts]).tolist(), strict=False))
-    try:
-        for uid, mesh in meshes.items():
-            indices = first_index[uid] + np.arange(1, len(mesh.polygons) + 1, dtype=np.int32)
-            _put(mesh, FACE_INDEX, "INT", "FACE", "value", indices.astype(np.int32))
-            if needs_rest:
-                positions = read_attribute(mesh, "position", "vector", "f4", 3)
-                _put(mesh, REST_POSITION, "FLOAT_VECTOR", "POINT", "vector", positions)
-            mesh.update()
-        yield first_index
-    finally:
-        for mesh in meshes.values():
-            for name in (FACE_INDEX, REST_POSITION):
-                if name in mesh.attributes:
-                    mesh.attributes.remove(mesh.attributes[name])
-            mesh.update()
+    mesh: bpy.types.Mesh
+    face_origin: np.ndarray | None = None
+    rest: np.ndarray | None = None
 
 
-def keeps_links(ob: bpy.types.Object) -> bool:
-    """Whether faces come from the same unmodified ones for as long as they hang together as they do.
-
-    Other modifiers choose faces by where vertices are, or by what else they are told.
-    """
-    return all(
-        not modifier.show_viewport or modifier.type in _DEFORM_ONLY or modifier.type in _ALL_FACES_ALIKE
+def may_change_topology(ob: bpy.types.Object) -> bool:
+    """Whether modifiers of an object, in the viewport or in renders, may change which faces there are."""
+    return any(
+        (modifier.show_viewport or modifier.show_render) and modifier.type not in _DEFORM_ONLY
         for modifier in ob.modifiers
     )
 
 
-def _may_change_topology(ob: bpy.types.Object) -> bool:
-    return any(modifier.show_viewport and modifier.type not in _DEFORM_ONLY for modifier in ob.modifiers)
+@contextmanager
+def evaluated_mesh(ob: bpy.types.Object) -> Iterator[EvaluatedMesh]:
+    """The mesh of an evaluated object while the block lasts."""
+    try:
+        yield EvaluatedMesh(
+            ob.to_mesh()
+        )  # not ob.data, which lacks the last subdivision where the graphics card makes it
+    finally:
+        ob.to_mesh_clear()
 
 
-def with_own_origins(mesh: MeshArrays, base: MeshArrays, first_index: int | None) -> MeshArrays:
-    """An evaluated mesh with `face_origin` as 1-based faces of the object's own mesh, 0 for those of any other.
+@contextmanager
+def carried_mesh(
+    ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph, needs_rest: bool, results: Collection[str]
+) -> Iterator[EvaluatedMesh]:
+    """The mesh of an evaluated object, with what its faces and vertices carried through its modifiers.
+
+    Parameters
+    ----------
+    ob : bpy.types.Object
+        Evaluated by `depsgraph`.
+    depsgraph : bpy.types.Depsgraph
+    needs_rest : bool
+        Carry vertex positions too.
+    results : collection of str
+        Layers of results, which read 0 meanwhile: what a bake wrote must not decide from where the next one's faces
+        come, as it does below a Bevel.
+    """
+    source = ob.original.data.evaluated_get(depsgraph)
+    with ExitStack() as undo:
+        for name in results:
+            undo.enter_context(_blank(source, name))
+        index = undo.enter_context(_riding(source, _FACE_INDEX, "INT", "FACE"))
+        source.attributes[index].data.foreach_set("value", np.arange(1, len(source.polygons) + 1, dtype=np.int32))
+        carried = {"face_origin": (index, "FACE", "value", "i4", 1)}
+        if needs_rest:
+            rest = undo.enter_context(_riding(source, _REST_POSITION, "FLOAT_VECTOR", "POINT"))
+            positions = read_attribute(source, "position", "vector", "f4", 3)
+            source.attributes[rest].data.foreach_set("vector", positions.ravel())
+            carried["rest"] = rest, "POINT", "vector", "f4", 3
+        undo.callback(ob.to_mesh_clear)
+        mesh = ob.to_mesh(preserve_all_data_layers=True, depsgraph=depsgraph)
+        if not all(_has(mesh, name, domain) for name, domain, *_ in carried.values()):  # a mesh that was made anew
+            yield EvaluatedMesh(mesh, np.zeros(len(mesh.polygons), np.int32))
+        else:
+            found = {key: read_attribute(mesh, name, *how) for key, (name, _domain, *how) in carried.items()}
+            yield EvaluatedMesh(mesh, **found)
+
+
+def with_own_origins(mesh: MeshArrays, base: MeshArrays) -> MeshArrays:
+    """An evaluated mesh with `face_origin` as 1-based faces of the unmodified one, 0 for those that came from none.
 
     Faces that are the unmodified ones, in the same order, come back without `face_origin`.
     """
     n_faces = len(base.face_start) - 1
     same = np.array_equal(mesh.face_start, base.face_start) and np.array_equal(mesh.corner_vertex, base.corner_vertex)
-    if first_index is None:
+    if mesh.face_origin is None:
         origin = np.arange(1, n_faces + 1) if same else np.zeros(len(mesh.face_start) - 1, np.int64)
-    elif mesh.face_origin is None or (base.rest is not None and mesh.rest is None):
-        origin = np.zeros(len(mesh.face_start) - 1, np.int64)
     else:
-        origin = mesh.face_origin.astype(np.int64) - first_index
+        origin = mesh.face_origin.astype(np.int64)
         origin[(origin < 1) | (origin > n_faces)] = 0
     if same and np.array_equal(origin, np.arange(1, n_faces + 1)):
         return replace(mesh, face_origin=None, rest=None)
     return replace(mesh, face_origin=origin)
 
 
-def _put(mesh: bpy.types.Mesh, name: str, kind: str, domain: str, field_name: str, values: np.ndarray) -> None:
+def _has(mesh: bpy.types.Mesh, name: str, domain: str) -> bool:
+    return name in mesh.attributes and mesh.attributes[name].domain == domain
+
+
+@contextmanager
+def _riding(mesh: bpy.types.Mesh, name: str, kind: str, domain: str) -> Iterator[str]:
+    """The name of an attribute that an evaluated mesh has while the block lasts."""
+    while name in mesh.attributes:
+        name += "_"
     mesh.attributes.new(name, kind, domain)
-    mesh.attributes[name].data.foreach_set(field_name, values.ravel())
+    try:
+        yield name
+    finally:
+        mesh.attributes.remove(mesh.attributes[name])
+
+
+@contextmanager
+def _blank(mesh: bpy.types.Mesh, name: str) -> Iterator[None]:
+    """Zeros in a layer of an evaluated mesh while the block lasts; nothing where there is no such layer."""
+    layer = mesh.attributes.get(name)
+    field_name, width = {"FLOAT_COLOR": ("color", 4), "FLOAT2": ("vector", 2)}.get(layer and layer.data_type, ("", 0))
+    if not width:
+        yield
+        return
+    values = np.empty(len(layer.data) * width, np.float32)
+    layer.data.foreach_get(field_name, values)
+    layer.data.foreach_set(field_name, np.zeros_like(values))
+    try:
+        yield
+    finally:
+        mesh.attributes[name].data.foreach_set(field_name, values)

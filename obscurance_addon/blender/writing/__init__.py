@@ -9,7 +9,7 @@ from .export_copy import LAYERS, ExportFormat, ExportLayer, copy_for_export
 from .image_files import check_path
 from .lightmap import write_lightmap
 from .records import INDIRECT, indirect_exposure, is_own_color, lightmap_of, what_is_stored
-from .values import refresh_values, spread, write_values
+from .values import has_layers, refresh_values, separate, spread, write_values
 
 __all__ = [
     "INDIRECT",
@@ -19,6 +19,7 @@ __all__ = [
     "check_path",
     "color_attribute",
     "copy_for_export",
+    "has_layers",
     "indirect_exposure",
     "is_color",
     "is_own_color",
@@ -26,6 +27,7 @@ __all__ = [
     "lightmap_of",
     "records",
     "refresh_values",
+    "separate",
     "spread",
     "uv_layer",
     "what_is_stored",

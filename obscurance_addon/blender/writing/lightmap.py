@@ -80,14 +80,10 @@ def _land_with_uv(
     notes: list[str] = []
     copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
     prepared: list[tuple[bpy.types.Mesh, str]] = []
-    groups: dict[int, list[bpy.types.Object]] = {}
-    for ob in objects:
-        groups.setdefault(ob.data.session_uid, []).append(ob)
     with undone_on_failure() as undo:
         undo.callback(rejoin, copies)
         undo.callback(staged.discard)
-        for users in groups.values():
-            separate(users, copies, notes)
+        separate(objects, copies, notes)
         for ob in objects:
             prepared.append((ob.data, uv_layer.prepare(ob.data, name)))
             undo.callback(uv_layer.discard, ob.data, name, prepared[-1][1])

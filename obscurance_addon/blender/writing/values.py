@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Set
 
 import bpy
@@ -25,22 +26,20 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
     for ob in objects:
         for layer, _domain in output.layers():
             color_attribute.check_name(ob, layer)
-    groups: dict[int, list[int]] = {}
-    for i, ob in enumerate(objects):
-        groups.setdefault(ob.data.session_uid, []).append(i)
     notes: list[str] = []
     copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
     prepared: list[str] = []
     with undone_on_failure() as undo:
         undo.callback(rejoin, copies)
-        jobs = []
-        for members in groups.values():
-            if output.shared_meshes is SharedMeshes.AVERAGE:
-                mean = np.mean([values[i] for i in members], axis=0)
-                jobs.append((objects[members[0]].data, mean, baked[members[0]]))
-                continue
-            separate([objects[i] for i in members], copies, notes)
-            jobs += [(objects[i].data, values[i], baked[i]) for i in members]
+        if output.shared_meshes is SharedMeshes.SEPARATE:
+            separate(objects, copies, notes)
+        groups: dict[int, list[int]] = {}
+        for i, ob in enumerate(objects):
+            groups.setdefault(ob.data.session_uid, []).append(i)
+        jobs = [
+            (objects[members[0]].data, np.mean([values[i] for i in members], axis=0), baked[members[0]])
+            for members in groups.values()
+        ]
         for mesh, _, _ in jobs:
             for name, domain in output.layers():
                 prepared.append(color_attribute.prepare(mesh, name, domain))
@@ -66,25 +65,36 @@ def refresh_values(
     values: Callable[[Hashable], np.ndarray],
     output: OutputSettings,
     stored: str,
-) -> set[Hashable]:
+) -> tuple[set[Hashable], set[Hashable]]:
     """Replace the `values` of the chosen objects among all that are baked, as quickly as a frame of playback asks for.
 
-    What `write_values` made must still be there; where it is not, it is made again. Objects that are gone are left out.
-    Returns the objects whose values were written: the chosen ones, and those that share a mesh with them.
+    Where what `write_values` made is not there any more it is made again. Objects that are gone are left out. Objects
+    that share a mesh get the mean of their values or meshes of their own, as the output says.
+
+    Returns
+    -------
+    written : set of hashable
+        Objects whose values were written: the chosen ones, those whose results were gone, and those that share a mesh
+        with any of them.
+    shared : set of hashable
+        Those of all objects that share a mesh with another one and show the mean.
     """
     written: set[Hashable] = set()
+    shared: set[Hashable] = set()
     by_uid = {ob.session_uid: ob for ob in bpy.data.objects}
     users: dict[int, list[Hashable]] = {}
     for key, one in baked.items():
         if one.session_uid in by_uid:
             users.setdefault(by_uid[one.session_uid].data.session_uid, []).append(key)
     for members in users.values():
-        if chosen.isdisjoint(members):
+        averaged = output.shared_meshes is SharedMeshes.AVERAGE
+        if len(members) > 1 and averaged:
+            shared.update(members)
+        mesh = by_uid[baked[members[0]].session_uid].data
+        whole = has_layers(mesh, output)
+        if whole and chosen.isdisjoint(members):
             continue
         written.update(members)
-        mesh = by_uid[baked[members[0]].session_uid].data
-        whole = all(color_attribute.is_color(mesh, name, domain) for name, domain in output.layers())
-        averaged = output.shared_meshes is SharedMeshes.AVERAGE
         if not whole or (len(members) > 1 and not averaged):
             write_values([baked[key] for key in members], [values(key) for key in members], output, stored)
             continue
@@ -92,7 +102,12 @@ def refresh_values(
         for name, domain in output.layers():
             color_attribute.fill(mesh, name, name, spread(colours, _start_of(baked[members[0]], domain, output)))
             records.remember(mesh, name, stored, output.exposure)
-    return written
+    return written, shared
+
+
+def has_layers(mesh: bpy.types.Mesh, output: OutputSettings) -> bool:
+    """Whether a mesh has all attributes of a result."""
+    return all(color_attribute.is_color(mesh, name, domain) for name, domain in output.layers())
 
 
 def spread(colours: np.ndarray, face_start: np.ndarray | None) -> np.ndarray:
@@ -105,19 +120,29 @@ def _start_of(source: BakedObject, domain: str, output: OutputSettings) -> np.nd
 
 
 def separate(
-    users: list[bpy.types.Object], copies: list[tuple[bpy.types.Object, bpy.types.Mesh]], notes: list[str]
+    objects: list[bpy.types.Object], copies: list[tuple[bpy.types.Object, bpy.types.Mesh]], notes: list[str]
 ) -> None:
-    """Give each object a mesh of its own; the first keeps the mesh unless objects that are not baked use it too."""
-    mesh = users[0].data
-    uids = {ob.session_uid for ob in users}
-    outsiders = any(ob.data == mesh and ob.session_uid not in uids for ob in bpy.data.objects if ob.type == "MESH")
-    copied = users if outsiders else users[1:]
-    for ob in copied:
-        copies.append((ob, mesh))
-        ob.data = mesh.copy()
-    if copied:
-        names = ", ".join(f"'{ob.name}'" for ob in copied)
-        notes.append(f"mesh '{mesh.name}' is shared, so these got a copy of their own: {names}")
+    """Give each object a mesh of its own; the first of several keeps it unless objects beside these use it too.
+
+    Parameters
+    ----------
+    objects : list of bpy.types.Object
+    copies : list of tuple
+        Gets every object that has a copy now, and the mesh that it had.
+    notes : list of str
+    """
+    groups: dict[bpy.types.Mesh, list[bpy.types.Object]] = {}
+    for ob in objects:
+        groups.setdefault(ob.data, []).append(ob)
+    n_users = Counter(ob.data for ob in bpy.data.objects if ob.type == "MESH")
+    for mesh, users in groups.items():
+        copied = users if n_users[mesh] > len(users) else users[1:]
+        for ob in copied:
+            copies.append((ob, mesh))
+            ob.data = mesh.copy()
+        if copied:
+            names = ", ".join(f"'{ob.name}'" for ob in copied)
+            notes.append(f"mesh '{mesh.name}' is shared, so these got a copy of their own: {names}")
 
 
 def rejoin(copies: list[tuple[bpy.types.Object, bpy.types.Mesh]]) -> None:

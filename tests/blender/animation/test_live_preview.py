@@ -9,7 +9,7 @@ from obscurance_addon.blender.animation.followed_objects import preview_objects
 from obscurance_addon.blender.animation.live_preview import PREVIEW
 from obscurance_addon.core.errors import ObscuranceError
 from tests.blender.animation.preview_helpers import SETTINGS, assert_as_baked_anew, at, baked_anew, counted, key
-from tests.blender.helpers import FACE_LAYER, bake, colors, cube, floor, job, material, new_object
+from tests.blender.helpers import FACE_LAYER, bake, colors, cube, floor, job, material, new_object, select
 
 
 def test_the_first_frame_is_a_full_bake(preview):
@@ -123,17 +123,22 @@ def test_an_object_that_first_moves_later_needs_no_full_bake(preview, monkeypatc
     assert_as_baked_anew(preview.values())
 
 
-def test_other_faces_are_baked_in_full_and_said(preview, monkeypatch):
-    """A mesh with more faces than before, and a modifier that makes some."""
+def test_other_faces_are_followed_without_a_full_bake(preview, monkeypatch):
+    """A modifier that makes some, a move, and the modifier applied."""
+    block = preview["Block"]
     with counted(monkeypatch) as reports:
-        preview["Block"].modifiers.new("Cut", "SUBSURF").levels = 1
+        block.modifiers.new("Cut", "SUBSURF").levels = 1
         at(2)
-        assert "Block" in reports[-1].full
         assert_as_baked_anew(preview.values())
-        preview["Block"].location.x -= 0.2
+        block.location.x -= 0.2
         at(3)
-        assert not reports[-1].full
         assert_as_baked_anew(preview.values())
+        select(block)
+        bpy.ops.object.modifier_apply(modifier="Cut")
+        at(4)
+        assert len(block.data.polygons) == 24
+        assert_as_baked_anew(preview.values())
+    assert not any(report.full for report in reports)
 
 
 @pytest.mark.parametrize("target", ["CORNER", "POINT"])

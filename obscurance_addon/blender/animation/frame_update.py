@@ -130,6 +130,7 @@ class FrameUpdater:
         self._in_child = in_child
         self._follower: Follower | None = None
         self._last: Followed | None = None
+        self._shared: dict[Hashable, frozenset[Hashable]] = {}
         objects = [ob for ob in context.view_layer.objects if ob.session_uid in self.wanted]
         layers, needs_rest = output.layer_names(), output.needs_rest
         snapshot = snapshot_scene(context, objects, needs_rest, layers, depsgraph=depsgraph)
@@ -209,7 +210,7 @@ class FrameUpdater:
         self._last = self._follower.update(self.changes.known, changed, rewrite)
         update, baked = self._last.update, self._baked()
         chosen = set(baked) if rewrite else (update.keys | changed.keys()) & baked.keys()
-        written, shared = refresh_values(baked, chosen, self._values, self._output, STORED)
+        written = refresh_values(baked, chosen, self._values, self._output, STORED, self._shared)
         return FrameReport(
             patches=update.patches,
             all_patches=self._last.patches,
@@ -218,7 +219,7 @@ class FrameUpdater:
             seconds=time.perf_counter() - began,
             full=update.reason or "",
             objects=[baked[key].snapshot.name for key in written],
-            shared=[baked[key].snapshot.name for key in shared],
+            shared=[baked[key].snapshot.name for key in self._shared],
         )
 
     @property

@@ -65,44 +65,51 @@ def refresh_values(
     values: Callable[[Hashable], np.ndarray],
     output: OutputSettings,
     stored: str,
-) -> tuple[set[Hashable], set[Hashable]]:
+    shared: dict[Hashable, frozenset[Hashable]],
+) -> set[Hashable]:
     """Replace the `values` of the chosen objects among all that are baked, as quickly as a frame of playback asks for.
 
     Where what `write_values` made is not there any more it is made again. Objects that are gone are left out. Objects
     that share a mesh get the mean of their values or meshes of their own, as the output says.
 
+    Parameters
+    ----------
+    baked, chosen, values, output, stored
+    shared : dict from hashable to frozenset of hashable
+        Objects that show a mean, and all that share their mesh; is brought up to date.
+
     Returns
     -------
-    written : set of hashable
-        Objects whose values were written: the chosen ones, those whose results were gone, and those that share a mesh
-        with any of them.
-    shared : set of hashable
-        Those of all objects that share a mesh with another one and show the mean.
+    set of hashable
+        Objects whose values were written: the chosen ones, those whose results were gone, and those whose mesh any of
+        them uses, or has ceased to use.
     """
     written: set[Hashable] = set()
-    shared: set[Hashable] = set()
+    before = dict(shared)
+    shared.clear()
     by_uid = {ob.session_uid: ob for ob in bpy.data.objects}
     users: dict[int, list[Hashable]] = {}
     for key, one in baked.items():
         if one.session_uid in by_uid:
             users.setdefault(by_uid[one.session_uid].data.session_uid, []).append(key)
     for members in users.values():
-        averaged = output.shared_meshes is SharedMeshes.AVERAGE
-        if len(members) > 1 and averaged:
-            shared.update(members)
+        averaged = len(members) > 1 and output.shared_meshes is SharedMeshes.AVERAGE
+        if averaged:
+            shared.update(dict.fromkeys(members, frozenset(members)))
         mesh = by_uid[baked[members[0]].session_uid].data
         whole = has_layers(mesh, output)
-        if whole and chosen.isdisjoint(members):
+        regrouped = any(before.get(key) != shared.get(key) for key in members)
+        if whole and not regrouped and chosen.isdisjoint(members):
             continue
         written.update(members)
         if not whole or (len(members) > 1 and not averaged):
             write_values([baked[key] for key in members], [values(key) for key in members], output, stored)
             continue
-        colours = values(members[0]) if len(members) == 1 else np.mean([values(key) for key in members], axis=0)
+        colours = np.mean([values(key) for key in members], axis=0)
         for name, domain in output.layers():
             color_attribute.fill(mesh, name, name, spread(colours, _start_of(baked[members[0]], domain, output)))
             records.remember(mesh, name, stored, output.exposure)
-    return written, shared
+    return written
 
 
 def has_layers(mesh: bpy.types.Mesh, output: OutputSettings) -> bool:

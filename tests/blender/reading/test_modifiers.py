@@ -4,11 +4,13 @@ import bpy
 import numpy as np
 import pytest
 
+from obscurance_addon.blender.jobs import BakeJob
 from obscurance_addon.blender.reading import origins
-from obscurance_addon.blender.reading import scene as scene_geometry
 from obscurance_addon.blender.writing.layers import AttributeNameError
-from obscurance_addon.core.errors import GeometryError
 from obscurance_addon.core.falloff import Falloff
+from obscurance_addon.core.lightmap import LightmapSettings
+from obscurance_addon.core.order import OutputSettings
+from obscurance_addon.core.settings import BakeSettings
 from tests.blender.helpers import (
     FACE_LAYER,
     arrays,
@@ -225,40 +227,52 @@ def test_nothing_carried_is_left_on_the_mesh(modify, target):
     assert mesh_state(ob.data) == before
 
 
-@pytest.mark.parametrize(
-    ("module", "at"), [(origins, "_put"), (scene_geometry, "read_mesh"), (scene_geometry, "SceneReader")]
-)
-def test_nothing_carried_is_left_when_reading_fails(monkeypatch, module, at):
-    """Whatever breaks while indices are on the mesh, they are taken off again."""
+@pytest.mark.parametrize("at", ["read_attribute", "EvaluatedMesh"])
+def test_nothing_carried_is_left_when_reading_fails(monkeypatch, at):
+    """Whatever breaks while indices ride along, neither the mesh nor the depsgraph's copy of it keeps them."""
     ob = floor(n=3)
     triangulate(ob)
     before = mesh_state(ob.data)
-    calls = []
-    original = getattr(module, at)
 
-    def fails(*arguments, **keywords):
-        calls.append(arguments)
-        if at == "_put" and len(calls) == 1:  # the first attribute is made, the second one fails
-            return original(*arguments, **keywords)
+    def fails(*_arguments, **_keywords):
         raise MemoryError("no more")
 
-    monkeypatch.setattr(module, at, fails)
-    with pytest.raises(MemoryError):
-        job(ob, target="CORNER")
-    assert calls
+    with monkeypatch.context() as patch:
+        patch.setattr(origins, at, fails)
+        with pytest.raises(MemoryError):
+            job(ob, target="CORNER")
     assert mesh_state(ob.data) == before
+    assert mesh_state(ob.data.evaluated_get(bpy.context.evaluated_depsgraph_get())) == before
 
 
 @pytest.mark.parametrize("name", ["obscurance_face_index", "obscurance_rest_position"])
 def test_an_attribute_of_the_users_is_not_taken_over(name):
-    """A name that a bake needs for itself is named, and what the user keeps there stays."""
-    ob = floor(n=3)
-    triangulate(ob)
+    """What the user keeps under a name that a bake would use for itself stays, and changes nothing."""
+    ob, twin = floor(n=3), floor("Twin", n=3)
+    twin.location.x = 100.0
+    for each in (ob, twin):
+        triangulate(each)
     ob.data.attributes.new(name, "FLOAT", "FACE")
     before = mesh_state(ob.data)
-    with pytest.raises(GeometryError, match=name):
-        job(ob)
+    made = arrays(ob, twin, target="CORNER")
+    assert np.array_equal(made.ranges[0].element_patch, made.ranges[1].element_patch)
     assert mesh_state(ob.data) == before
+
+
+@pytest.mark.parametrize(
+    "kind", ["ARRAY", "BEVEL", "DECIMATE", "MIRROR", "REMESH", "SCREW", "SOLIDIFY", "SUBSURF", "WELD", "WIREFRAME"]
+)
+def test_faces_come_from_the_same_ones_whether_or_not_there_is_a_result(kind):
+    """A Bevel takes the data of new faces from one side or the other by what colours and UV maps hold."""
+    block, ground = cube("Block", 0.5), floor(n=4)
+    block.location.z = 0.4
+    block.modifiers.new(kind, kind)
+    first = baked(block)
+    bake(block, ground, attribute_name="Other", target="POINT")
+    output, lightmap = OutputSettings(target="LIGHTMAP", attribute_name="Map"), LightmapSettings(size=64)
+    BakeJob(bpy.context, [block, ground], BakeSettings(rays=4), output, lightmap=lightmap).run()
+    assert FACE_LAYER in block.data.attributes
+    assert np.array_equal(baked(block), first)
 
 
 def test_nothing_carried_is_left_when_the_name_is_refused():

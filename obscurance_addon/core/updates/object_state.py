@@ -80,7 +80,7 @@ class ObjectState:
         self.sums = ObscuranceSums(np.zeros((len(patches), 4)), np.zeros(len(patches)), np.zeros(len(patches)), 0)
         self.probes = np.full(len(patches), MISS, np.int64)
         self.farthest = np.zeros(len(patches))
-        self.first = 0
+        self.first = -1  # none yet
         self.values: np.ndarray | None = None
         self._patch_area = self.cells.area * normalisation.scale**2
         self._surface_sums = surface_sums(surfaces)

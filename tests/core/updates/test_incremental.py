@@ -147,6 +147,12 @@ def test_colours(key, use_bleeding):
     wander(meshes, bake, settings, ["ball"], 2, rng)
 
 
+def test_everything_moves():
+    """Nothing stands still, from the start on."""
+    meshes, bake = start(movers=furniture())
+    wander(meshes, bake, SETTINGS, list(meshes), 4, np.random.default_rng(11))
+
+
 def test_the_way_home():
     """Away by small steps and by a jump, and back: the values of the start."""
     meshes, bake = start()

@@ -139,7 +139,11 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
             compress = source.read(7) != b"BLENDER"
         with blender_silent():
             bpy.ops.wm.save_as_mainfile(filepath=str(part), copy=True, compress=compress, check_existing=False)
-    entry["seconds"] = {"load": loaded - began, **entry["seconds"], "save": time.perf_counter() - baked}
+    saved = time.perf_counter()
+    entry["seconds"] = {"load": loaded - began, **entry["seconds"], "save": saved - baked}
+    if options.export is not None:
+        _export(output, Path(entry["frame_cache"]), options.export)
+        entry["seconds"]["export"] = time.perf_counter() - saved
     say.end()
     say.line(f"{scene} -> {output}: {summary}")
     return {"scene": str(scene), "output": str(output), **entry, "peak_memory_bytes": _peak_memory()}
@@ -177,11 +181,11 @@ def _bake_frames(
     context, objects: list, asked: _Asked, output: Path, options: argparse.Namespace, say: Terminal
 ) -> tuple[dict, str]:
     """Bake a range of frames; results as for `_bake_once`."""
-    from ..blender.animation import FrameCache, FrameRange, bake_frames, check_format, export_animation, play_back
+    from ..blender.animation import FrameCache, FrameRange, bake_frames, check_exportable, play_back
 
-    folder = frame_cache(options, output).resolve()
+    folder = Path(os.path.abspath(frame_cache(options, output)))
     if options.export is not None:
-        check_format(options.export)
+        check_exportable(objects, options.frames[0], options.export)
     context.scene.obscurance.live_preview = False  # until the cache is there to be played
     frames, began, told = FrameRange(*options.frames, folder), time.perf_counter(), []
 
@@ -203,10 +207,6 @@ def _bake_frames(
     warnings = bake_frames(context, objects, asked.settings, asked.output, asked.light, frames, ceiling, settings, tell)
     cache = FrameCache.open(folder)
     baked = time.perf_counter()
-    if options.export is not None:
-        with _written_whole(options.export) as part, blender_silent():
-            export_animation(context, cache, part)
-    exported = time.perf_counter()
     play_back(context.scene, cache, output.resolve().parent)
     rays = sum(one["rays"] for one in told)
     return {
@@ -216,12 +216,23 @@ def _bake_frames(
         "export": options.export and str(options.export),
         "frames": told,
         "rays": rays,
-        "seconds": {"frames": baked - began, "export": exported - baked},
+        "seconds": {"frames": baked - began},
         "warnings": warnings,
     }, (
         f"Baked {len(frames)} frames of {len(cache.names)} objects with {rays:,} rays in {baked - began:.2f} s into "
         f"'{folder}'"
     )
+
+
+def _export(output: Path, folder: Path, target: Path) -> None:
+    """Export the animation that was saved; whatever happens to it, what was baked is on disk by now."""
+    from ..blender.animation import export_whole
+
+    try:
+        with _written_whole(target) as part:
+            export_whole(output, folder, part, target.name)
+    except (ObscuranceError, OSError) as error:
+        raise ObscuranceError(f"{_plain(error)}. What was baked is in '{output}' all the same") from error
 
 
 def _lightmap_settings(lightmap: LightmapSettings) -> dict:

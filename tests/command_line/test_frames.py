@@ -7,6 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
+from obscurance_addon.blender.animation import export_whole
+from obscurance_addon.blender.animation.export_check import ExportError
 from obscurance_addon.blender.animation.frame_cache import FrameCache, FrameCacheError
 from obscurance_addon.blender.animation.live_preview import PREVIEW
 from obscurance_addon.command_line import batch
@@ -35,6 +37,17 @@ def scene(empty_scene, tmp_path):
 
 def run(*arguments):
     return batch.main(["bake", *map(str, arguments)])
+
+
+def stored(folder):
+    """The first and the last frame of a frame cache, and for each object the runs of frames that hold it."""
+    index = json.loads((folder / "index.json").read_text())
+    return index["frames"], index["objects"]
+
+
+def files(folder):
+    """What lies in a folder, by path."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def open_file(path):
@@ -77,9 +90,9 @@ def test_the_report_tells_every_frame(scene, tmp_path):
 
 def test_what_did_not_change_is_stored_once(scene, tmp_path):
     assert run(scene, "--output", tmp_path / "o.blend", "--frames", f"1-{FRAMES}", "--quiet") == 0
-    index = json.loads((tmp_path / "o_frames" / "index.json").read_text())
-    assert index["objects"]["Far"] == [1]
-    assert index["objects"]["Block"] == list(range(1, FRAMES + 1))
+    _, objects = stored(tmp_path / "o_frames")
+    assert objects["Far"] == [[1, 1]]
+    assert objects["Block"] == [[1, FRAMES]]
 
 
 @pytest.mark.parametrize("suffix", [".usda", ".abc"])
@@ -152,8 +165,8 @@ def test_a_deforming_mesh_is_baked_at_every_frame(scene, tmp_path):
         bulge.keyframe_insert("value", frame=frame)
     bpy.ops.wm.save_as_mainfile(filepath=str(scene))
     assert run(scene, "--output", tmp_path / "o.blend", "--frames", f"1-{FRAMES}", "--quiet") == 0
-    index = json.loads((tmp_path / "o_frames" / "index.json").read_text())
-    assert index["objects"]["Block"] == index["objects"]["Floor"] == list(range(1, FRAMES + 1))
+    _, objects = stored(tmp_path / "o_frames")
+    assert objects["Block"] == objects["Floor"] == [[1, FRAMES]]
 
 
 def test_nothing_need_be_visible_at_first(scene, tmp_path):
@@ -164,14 +177,14 @@ def test_nothing_need_be_visible_at_first(scene, tmp_path):
             ob.keyframe_insert("hide_render", frame=frame)
     bpy.ops.wm.save_as_mainfile(filepath=str(scene))
     assert run(scene, "--output", tmp_path / "o.blend", "--frames", "1-4", "--quiet") == 0
-    index = json.loads((tmp_path / "o_frames" / "index.json").read_text())
-    assert index["frames"] == [1, 4]
-    assert index["objects"]["Far"] == [3]
+    frames, objects = stored(tmp_path / "o_frames")
+    assert frames == [1, 4]
+    assert objects["Far"] == [[3, 3]]
 
 
 def test_frames_before_0(scene, tmp_path):
     assert run(scene, "--output", tmp_path / "o.blend", "--frames", "-2-1", "--quiet") == 0
-    assert json.loads((tmp_path / "o_frames" / "index.json").read_text())["frames"] == [-2, 1]
+    assert stored(tmp_path / "o_frames")[0] == [-2, 1]
 
 
 def test_leaving_and_entering_the_cached_frames(scene, tmp_path):
@@ -187,16 +200,49 @@ def test_leaving_and_entering_the_cached_frames(scene, tmp_path):
     assert len({values.tobytes() for values in seen.values()}) == 3
 
 
-def test_an_export_that_fails_leaves_no_file(scene, tmp_path, capsys, monkeypatch):
-    def fail(*_args):
-        raise FrameCacheError("broken")
+@pytest.mark.parametrize("suffix", [".usdc", ".abc"])
+def test_an_export_that_fails_leaves_the_former_one_and_what_was_baked(scene, tmp_path, capsys, monkeypatch, suffix):
+    """With no room for its file; Alembic's exporter ends the process then, and USD's says nothing."""
+    resource = pytest.importorskip("resource")
 
-    monkeypatch.setattr("obscurance_addon.blender.animation.animated_export.FrameCache.show", fail)
-    exported = tmp_path / "o.usda"
-    assert run(scene, "--output", tmp_path / "o.blend", "--frames", "1-2", "--export", exported) == 1
-    assert "broken" in capsys.readouterr().err
-    assert not exported.exists()
-    assert not (tmp_path / "o.blend").exists()
+    def without_room(*arguments):
+        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
+        try:
+            export_whole(*arguments)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+    monkeypatch.setattr("obscurance_addon.blender.animation.export_whole", without_room)
+    out, exported = tmp_path / "o.blend", tmp_path / f"o{suffix}"
+    exported.write_bytes(b"the former one")
+    assert run(scene, "--output", out, "--frames", "1-2", "--export", exported) == 1
+    said = capsys.readouterr().err
+    assert f"'o{suffix}' could not be exported" in said
+    assert "choose another folder" in said
+    assert exported.read_bytes() == b"the former one"
+    assert {path.name for path in tmp_path.iterdir()} == {"o.blend", f"o{suffix}", "o_frames", "scene.blend"}
+    open_file(out)
+    bpy.context.scene.frame_set(2)
+    assert "from the cache" in PREVIEW.status
+
+
+def test_frames_that_a_format_does_not_know_are_said_before_the_bake(scene, tmp_path, capsys):
+    assert run(scene, "--output", tmp_path / "o.blend", "--frames", "-2-1", "--export", tmp_path / "o.usdc") == 1
+    assert "frames before 0" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.blend"]
+
+
+def test_what_the_exporting_process_refuses_is_said(scene, tmp_path):
+    """It opens a file whose frame cache is of other faces."""
+    out = tmp_path / "o.blend"
+    assert run(scene, "--output", out, "--frames", "1-2", "--quiet") == 0
+    objects = open_file(out)
+    objects["Floor"].data = floor("Other", n=5).data
+    bpy.ops.wm.save_as_mainfile(filepath=str(out))
+    with pytest.raises(ExportError, match="'Floor' has other faces") as raised:
+        export_whole(out, tmp_path / "o_frames", tmp_path / "o.usda")
+    assert "\n" not in str(raised.value)
 
 
 def test_an_export_leaves_no_layer_and_replaces_none_of_the_users(scene, tmp_path, capsys):
@@ -207,8 +253,9 @@ def test_an_export_leaves_no_layer_and_replaces_none_of_the_users(scene, tmp_pat
     objects["Floor"].data.attributes.new("displayColor", "FLOAT", "FACE")
     bpy.context.scene.obscurance.live_preview = False
     bpy.ops.wm.save_as_mainfile(filepath=str(scene))
-    assert run(scene, "--output", out, "--frames", "1-2", "--export", exported) == 1
+    assert run(scene, "--output", tmp_path / "other.blend", "--frames", "1-2", "--export", exported) == 1
     assert "'displayColor'" in capsys.readouterr().err
+    assert not (tmp_path / "other_frames").exists()
 
 
 def test_a_file_among_those_of_a_cache_is_kept(scene, tmp_path, capsys):
@@ -243,21 +290,21 @@ def test_a_folder_of_the_users_is_never_replaced(scene, tmp_path, capsys):
 def test_an_older_cache_is_replaced_whole(scene, tmp_path):
     for last in (4, 2):
         assert run(scene, "--output", tmp_path / "o.blend", "--frames", f"1-{last}", "--quiet") == 0
-    names = sorted(path.name for path in (tmp_path / "o_frames").iterdir())
-    assert names == ["frame_000001.npz", "frame_000002.npz", "index.json"]
+    names = sorted(path.rpartition("/")[2] for path in files(tmp_path / "o_frames"))
+    assert names == ["frame_000001.npz", "frame_000002.npz", "index.json", "obscurance.lock"]
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
 
 
 def test_a_failure_leaves_the_older_cache(scene, tmp_path, monkeypatch):
     assert run(scene, "--output", tmp_path / "o.blend", "--frames", "1-2", "--quiet") == 0
-    before = {path.name: path.read_bytes() for path in (tmp_path / "o_frames").iterdir()}
+    before = files(tmp_path / "o_frames")
 
     def fail(*_args, **_kw):
         raise MemoryError("no room")
 
     monkeypatch.setattr("obscurance_addon.blender.animation.frame_update.FrameUpdater.update", fail)
     assert run(scene, "--output", tmp_path / "o.blend", "--frames", "1-4", "--quiet") == 1
-    assert {path.name: path.read_bytes() for path in (tmp_path / "o_frames").iterdir()} == before
+    assert files(tmp_path / "o_frames") == before
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
 
 
@@ -265,7 +312,7 @@ def test_a_cache_that_is_gone_or_broken_is_said(scene, tmp_path):
     out = tmp_path / "out.blend"
     assert run(scene, "--output", out, "--frames", "1-2", "--quiet") == 0
     open_file(out)
-    (tmp_path / "out_frames" / "frame_000001.npz").write_bytes(b"nothing")
+    next((tmp_path / "out_frames").glob("*/frame_000001.npz")).write_bytes(b"nothing")
     bpy.context.scene.frame_set(1)
     assert "bake the frames again" in PREVIEW.status
     shutil.rmtree(tmp_path / "out_frames")

@@ -84,3 +84,13 @@ def test_colors_come_back(installed, tmp_path, export_format, name, limited, tol
     code = SCRIPT.replace("FORMAT", repr(export_format)).replace("NAME", repr(name)).replace("LIMITED", repr(limited))
     code = code.replace("TOLERANCE", repr(tolerance)).replace("EXPORT", save).replace("IMPORT", load)
     installed.run(code, CORNELL, tmp_path / "out")
+
+
+def test_an_animation_is_exported_by_the_installed_extension(installed, tmp_path):
+    """In a process of its own, which has to find the extension."""
+    out, exported = tmp_path / "moving.blend", tmp_path / "moving.usdc"
+    installed.run(
+        "enable()\nassert sys.modules[MODULE].command_line.main(['bake', *sys.argv[1:]]) == 0",
+        *(CORNELL, "--output", out, "--rays", 1, "--frames", "1-2", "--export", exported),
+    )
+    assert exported.stat().st_size > 0

@@ -16,6 +16,7 @@ SOURCES = {path.relative_to(PACKAGE).as_posix(): path.read_text(encoding="utf-8"
 OUTSIDE_OF_BLENDER = {"__main__.py"}
 INTERPRETER_STATE = {
     ("__init__.py", "modules"),  # forgets its own modules at Reload Scripts
+    ("blender/animation/export_process.py", "path"),  # reads it, for another process outside of Blender
     ("core/process/child.py", "path"),  # reads it, for the child process
     ("core/process/start.py", "modules"),  # of the child process, which imports the add-on from its folder
 }

@@ -47,3 +47,31 @@ def test_command_line(blender):
     missing = blender.run("--command", "obscurance", "bake", "/mnt/run/nowhere.blend")
     assert missing.returncode == 1
     assert "no such file" in missing.stderr
+
+
+EXPORT = """
+import importlib, os, pathlib, sys
+addon = next(name for name in sys.modules if name.endswith(".obscurance_addon"))
+animation = importlib.import_module(addon + ".blender.animation")
+path = pathlib.Path("/mnt/run/moving.abc")
+try:
+    animation.export_whole(pathlib.Path("/mnt/run/moving.blend"), pathlib.Path("/mnt/run/moving_frames"), path)
+    said = "exported"
+except Exception as error:
+    said = str(error)
+print("EXPORT: " + said)
+"""
+
+
+def test_an_export_in_a_process_of_its_own(blender):
+    """The other Blender has the extension, opens the file, and writes it, or says that it was built without Alembic."""
+    shutil.copy(ROOT / "sample_blends" / "cornell_box.blend", blender.run_dir)
+    command = ("--command", "obscurance", "bake", "/mnt/run/cornell_box.blend", "--rays", "1")
+    done = blender.run(*command, "--frames", "1-2", "--output", "/mnt/run/moving.blend")
+    assert done.returncode == 0, done.stdout + done.stderr
+    done = blender.run("--background", "--python-expr", EXPORT)
+    (said,) = (line for line in done.stdout.splitlines() if line.startswith("EXPORT: "))
+    assert said in {
+        "EXPORT: exported",
+        "EXPORT: this Blender was built without Alembic, so it cannot write 'moving.abc': use another",
+    }

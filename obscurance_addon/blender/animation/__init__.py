@@ -4,7 +4,9 @@ In go a scene and what Blender tells of its changes. Out come values that equal 
 """
 
 from . import handlers
-from .animated_export import check_format, export_animation
+from .animated_export import check_exportable
+from .export_check import check_export
+from .export_process import export_whole
 from .followed_objects import objects_over_time
 from .frame_cache import FrameCache
 from .frame_range import FrameRange, bake_frames, play_back
@@ -15,8 +17,9 @@ __all__ = [
     "FrameCache",
     "FrameRange",
     "bake_frames",
-    "check_format",
-    "export_animation",
+    "check_export",
+    "check_exportable",
+    "export_whole",
     "handlers",
     "objects_over_time",
     "play_back",

@@ -6,7 +6,7 @@ So a wave without height is put on each mesh for the time of the export, and a h
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -25,6 +25,9 @@ FORMATS = {
 }
 
 
+_OPERATORS = {ExportFormat.USD: ("usd_export", "USD"), ExportFormat.ALEMBIC: ("alembic_export", "Alembic")}
+
+
 def export_animation(context: bpy.types.Context, cache: FrameCache, path: Path) -> None:
     """Write the visible scene over the frames of a cache, with its colours where programs look for them.
 
@@ -38,16 +41,15 @@ def export_animation(context: bpy.types.Context, cache: FrameCache, path: Path) 
     Raises
     ------
     ObscuranceError
-        When the format is unknown or Blender cannot write it.
+        When the format is unknown or Blender cannot write it. Not on a full disk: see `check_export`.
     """
     kind = check_format(path)
     objects = [context.view_layer.objects[name] for name in cache.names if name in context.view_layer.objects]
     scene = context.scene
     current, start, end = scene.frame_current, scene.frame_start, scene.frame_end
+    check_exportable(objects, cache.frames[0], path)
 
     errors: list[ObscuranceError] = []  # Blender prints what a handler raises, and goes on
-    if kind is ExportFormat.USD and cache.frames[0] < 0:
-        raise ObscuranceError("Blender cannot export frames before 0 to USD: move the animation, or write Alembic")
 
     def write_frame(at: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph) -> None:
         try:
@@ -75,8 +77,6 @@ def export_animation(context: bpy.types.Context, cache: FrameCache, path: Path) 
             scene.frame_set(current)
     if errors:
         raise errors[0]
-    if not path.is_file():
-        raise ObscuranceError(f"Blender wrote no file '{path}': check the folder")
 
 
 def check_format(path: Path) -> ExportFormat:
@@ -87,16 +87,34 @@ def check_format(path: Path) -> ExportFormat:
     return kind
 
 
+def check_exportable(objects: Iterable[bpy.types.Object], first_frame: int, path: Path) -> None:
+    """Make sure, before anything is baked, that its export will not be refused.
+
+    Raises
+    ------
+    ObscuranceError
+        When the format is unknown to us or to this Blender, or begins later than the frames, or an object has a layer
+        of the user's where the export makes one.
+    """
+    kind = check_format(path)
+    if kind is ExportFormat.USD and first_frame < 0:
+        raise ObscuranceError("Blender cannot export frames before 0 to USD: move the animation, or write Alembic")
+    operator, name = _OPERATORS[kind]
+    if operator not in dir(bpy.ops.wm):
+        raise ObscuranceError(f"this Blender was built without {name}, so it cannot write '{path.name}': use another")
+    layer = LAYERS[kind]
+    for ob in objects:
+        if layer.name in ob.data.attributes:
+            raise ObscuranceError(
+                f"mesh '{ob.data.name}' has an attribute named '{layer.name}', which the export would replace: rename "
+                "or remove it"
+            )
+
+
 @contextmanager
 def _only_for_now(objects: list[bpy.types.Object], layer: ExportLayer) -> Iterator[None]:
-    """Take away afterwards the layers that the export makes; refuse to replace one of the user's."""
+    """Take away afterwards the layers that the export makes."""
     meshes = {ob.data.session_uid: ob.data for ob in objects}
-    for mesh in meshes.values():
-        if layer.name in mesh.attributes:
-            raise ObscuranceError(
-                f"mesh '{mesh.name}' has an attribute named '{layer.name}', which the export would replace: rename or "
-                "remove it"
-            )
     try:
         yield
     finally:

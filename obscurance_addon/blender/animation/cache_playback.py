@@ -8,6 +8,7 @@ import bpy
 
 from ...core.errors import ObscuranceError
 from ..reading import names_of
+from .cache_index import FrameCacheError
 from .frame_cache import FrameCache
 
 
@@ -23,16 +24,15 @@ class CachePlayback:
     def __init__(self, tell: Callable[[str], None]) -> None:
         self._tell = tell
         self._cache: FrameCache | None = None
-        self._opened: tuple[str, float] | None = None  # folder, and when it had been written
+        self._opened: tuple | None = None  # folder, and what told that it was written
 
     def has(self, scene: bpy.types.Scene) -> bool:
         """Whether the cache of the scene, if it has one, reaches to its frame."""
-        folder = bpy.path.abspath(scene.obscurance.frame_cache) if scene.obscurance.frame_cache else ""
-        opened = (folder, FrameCache.written_at(folder)) if folder else None
+        opened = _what_is_at(scene)
         if opened != self._opened:
             self._opened, self._cache = opened, None
             try:
-                self._cache = FrameCache.open(folder) if folder else None
+                self._cache = FrameCache.open(opened[0]) if opened else None
             except ObscuranceError as error:  # then frames are computed
                 self._tell(str(error))
         return self._cache is not None and self._cache.has(scene.frame_current)
@@ -43,9 +43,14 @@ class CachePlayback:
         Raises
         ------
         FrameCacheError
-            When they cannot be read, or have no place.
+            When they cannot be read, or have no place. The message is the same for all frames of a broken cache.
         """
-        changed, missing = self._cache.show(scene.frame_current)
+        try:
+            changed, missing = self._cache.show(scene.frame_current)
+        except FrameCacheError:
+            if _what_is_at(scene) == self._opened or not self.has(scene):
+                raise
+            changed, missing = self._cache.show(scene.frame_current)  # it was baked again meanwhile
         if missing:
             self._tell(f"the frame cache has values for {names_of(missing)}, which the scene has not")
         return f"Frame {scene.frame_current} from the cache, {len(changed)} objects changed"
@@ -54,3 +59,11 @@ class CachePlayback:
         """Write all values next time, whatever was written before."""
         if self._cache is not None:
             self._cache.forget_shown()
+
+
+def _what_is_at(scene: bpy.types.Scene) -> tuple | None:
+    """The folder of the cache that a scene names, and what tells when it was written; None where it names none."""
+    if not scene.obscurance.frame_cache:
+        return None
+    folder = bpy.path.abspath(scene.obscurance.frame_cache)
+    return folder, FrameCache.written_at(folder)

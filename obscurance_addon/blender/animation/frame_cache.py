@@ -1,34 +1,27 @@
 """Values of every frame of an animation on disk, which play back without a ray.
 
-A folder holds `index.json` and one `.npz` for each frame in which values changed, with the colours (n, 3) float32 of
-the objects that did. The index tells what they were baked with, and for each object the frames that hold it.
+There is a file for each frame in which values changed, with those of the objects that did. The index tells what they
+were baked with, and for each object the frames that hold it.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
-import shutil
-import zipfile
-from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ...core.errors import ObscuranceError
 from ...core.order import OutputSettings, Target
 from ..reading import read_face_start
 from ..writing import color_attribute, records, spread
+from . import frame_file
+from .cache_folder import UNREADABLE, CacheFolder, cannot_write
+from .cache_index import NAME, CacheIndex, FrameCacheError, Runs, add_frame, latest
 
-_INDEX = "index.json"
-_VERSION = 1
-
-
-class FrameCacheError(ObscuranceError):
-    """A frame cache that cannot be read or written; the message names the folder and the cure."""
+_CURE = "bake the frames again, or clear Frame Cache"
 
 
 class FrameCache:
@@ -37,8 +30,7 @@ class FrameCache:
     Parameters
     ----------
     folder : Path
-    index : dict
-        What `index.json` holds.
+    index : CacheIndex
 
     Attributes
     ----------
@@ -48,12 +40,9 @@ class FrameCache:
         The first and the last frame.
     """
 
-    def __init__(self, folder: Path, index: dict) -> None:
-        self.folder = folder
-        self.output = OutputSettings(**index["output"])
-        self._stored = index["stored"]
-        self.frames = tuple(index["frames"])
-        self._objects: dict[str, list[int]] = index["objects"]
+    def __init__(self, folder: Path, index: CacheIndex) -> None:
+        self.folder, self._index = folder, index
+        self.output, self.frames = index.output, index.frames
         self.forget_shown()
 
     @classmethod
@@ -65,28 +54,21 @@ class FrameCache:
         FrameCacheError
             When there is none, or it is broken.
         """
-        path = Path(folder) / _INDEX
+        folder = Path(folder)
         try:
-            index = json.loads(path.read_text(encoding="utf-8"))
-            if index["version"] != _VERSION:
-                raise FrameCacheError(f"the frame cache '{folder}' is of another version: bake the frames again")
-            return cls(Path(folder), index)
+            with _broken_means(folder, f"delete the folder and {_CURE}"):
+                return cls(folder, CacheIndex.read(folder))
         except FileNotFoundError:
-            raise FrameCacheError(
-                f"there is no frame cache at '{folder}': bake the frames again, or clear Frame Cache"
-            ) from None
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise FrameCacheError(
-                f"the frame cache '{folder}' cannot be read ({error}): bake the frames again, or clear Frame Cache"
-            ) from None
+            raise FrameCacheError(f"there is no frame cache at '{folder}': {_CURE}") from None
 
     @staticmethod
-    def written_at(folder: str | Path) -> float:
-        """When the cache in a folder was written, seconds; 0 where there is none."""
+    def written_at(folder: str | Path) -> tuple[int, int, int] | None:
+        """What changes when the cache in a folder is written; None where there is none."""
         try:
-            return (Path(folder) / _INDEX).stat().st_mtime
-        except OSError:
-            return 0.0
+            found = (Path(folder) / NAME).stat()
+        except (OSError, ValueError):
+            return None
+        return found.st_mtime_ns, found.st_size, found.st_ino
 
     def has(self, frame: int) -> bool:
         """Whether the cache reaches to this frame."""
@@ -95,11 +77,7 @@ class FrameCache:
     @property
     def names(self) -> list[str]:
         """Names of the objects that have values."""
-        return list(self._objects)
-
-    def stored_frames(self) -> set[int]:
-        """The frames that have a file."""
-        return set().union(*self._objects.values())
+        return list(self._index.objects)
 
     def forget_shown(self) -> None:
         """Write all values next time, whatever was written before."""
@@ -116,54 +94,58 @@ class FrameCache:
         Raises
         ------
         FrameCacheError
-            When an object has other faces than the cache.
+            When the cache is broken, or an object has other faces than it.
         """
         wanted, objects = {}, bpy.context.view_layer.objects
-        for name, frames in self._objects.items():
-            at = bisect_right(frames, frame)
-            if at and name in objects and self._shown.get(name) != frames[at - 1]:
-                wanted[name] = frames[at - 1]
+        for name, runs in self._index.objects.items():
+            stored = latest(runs, frame)
+            if stored is not None and name in objects and self._shown.get(name) != stored:
+                wanted[name] = stored
         for stored in sorted(set(wanted.values())):
-            values = self._load(stored)
-            for name in (name for name, at in wanted.items() if at == stored):
-                self._write(objects[name], values[name])
+            places = {name: self._places(objects[name]) for name, at in wanted.items() if at == stored}
+            for name, values in self._load(stored, places).items():
+                self._write(objects[name], values)
                 self._shown[name] = stored
-        return list(wanted), [name for name in self._objects if name not in objects]
+        return list(wanted), [name for name in self._index.objects if name not in objects]
 
-    def _load(self, frame: int) -> dict[str, np.ndarray]:
-        path = self.folder / _name(frame)
+    def _load(self, frame: int, places: Mapping[str, int]) -> dict[str, np.ndarray]:
+        """The values (n, 3) that the file of a frame has for objects with so many places."""
+        path = self.folder / self._index.generation / frame_file.name_of(frame)
         try:
-            with np.load(path) as stored:
-                place = {name: str(i) for i, name in enumerate(json.loads(str(stored["names"])))}
-                return {name: stored[place[name]] for name, frames in self._objects.items() if frame in frames}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise FrameCacheError(f"'{path}' cannot be read ({error}): bake the frames again") from None
+            with _broken_means(self.folder, _CURE):
+                return frame_file.read(path, self._index.in_file(frame), places)
+        except FileNotFoundError:
+            raise FrameCacheError(f"the frame cache '{self.folder}' lacks files: {_CURE}") from None
+        except frame_file.OtherElementsError as error:
+            raise FrameCacheError(
+                f"object '{error}' has other faces than the frame cache '{self.folder}': {_CURE}"
+            ) from None
+
+    def _places(self, ob: bpy.types.Object) -> int:
+        """How many values an object takes."""
+        mesh = ob.data
+        if ob.type != "MESH" or mesh.is_editmode:
+            raise FrameCacheError(
+                f"object '{ob.name}' is in Edit Mode, or not a mesh, so that its cached values have no place: leave "
+                "Edit Mode, or clear Frame Cache"
+            )
+        return len(
+            {Target.FACE: mesh.polygons, Target.CORNER: mesh.loops, Target.POINT: mesh.vertices}[self.output.target]
+        )
 
     def _write(self, ob: bpy.types.Object, colours: np.ndarray) -> None:
         mesh, output = ob.data, self.output
-        if ob.type != "MESH" or mesh.is_editmode:
-            raise FrameCacheError(f"object '{ob.name}' is in Edit Mode, or not a mesh: its cached values have no place")
-        elements = {
-            Target.FACE: len(mesh.polygons),
-            Target.CORNER: len(mesh.loops),
-            Target.POINT: len(mesh.vertices),
-        }[output.target]
-        if elements != len(colours):
-            raise FrameCacheError(
-                f"object '{ob.name}' has other faces than the frame cache '{self.folder}': bake the frames again, or "
-                "clear Frame Cache"
-            )
         for name, domain in output.layers():
             if not color_attribute.is_color(mesh, name, domain):
                 color_attribute.check_name(ob, name)
             layer = color_attribute.prepare(mesh, name, domain)
             face_start = read_face_start(mesh) if domain != output.target else None
             color_attribute.fill(mesh, layer, name, spread(colours, face_start))
-            records.remember(mesh, name, self._stored, output.exposure)
+            records.remember(mesh, name, self._index.stored, output.exposure)
 
 
 class FrameCacheWriter:
-    """Writes a frame cache beside its place, and puts it there whole at the end.
+    """Writes a frame cache beside the one that is in its folder, and puts it in its place at the end.
 
     Parameters
     ----------
@@ -178,87 +160,56 @@ class FrameCacheWriter:
     Raises
     ------
     FrameCacheError
-        When the folder holds anything but a frame cache, or cannot be made.
+        When the folder holds anything but a frame cache, or cannot be made or written to.
     """
 
     def __init__(self, folder: Path, output: OutputSettings, stored: str, settings: dict) -> None:
-        self._folder = folder
-        self._part = folder.with_name(f".{folder.name}.{os.getpid()}.part")
-        _check_replaceable(folder)
-        try:
-            self._part.mkdir()
-        except OSError as error:
-            raise FrameCacheError(
-                f"the folder '{folder}' cannot be made ({error.strerror}): choose another one"
-            ) from None
-        self._index = {
-            "version": _VERSION,
-            "stored": stored,
-            "output": {name: getattr(output, name) for name in ("target", "attribute_name", "scale", "corner_copy")}
-            | {"exposure": output.exposure},
-            "settings": settings,
-            "frames": None,
-            "objects": {},
-        }
+        self._folder = CacheFolder(folder)
+        self._output, self._stored, self._settings = output, stored, settings
+        self._frames: tuple[int, int] | None = None
+        self._objects: dict[str, Runs] = {}
 
     def add(self, frame: int, values: Mapping[str, np.ndarray]) -> None:
-        """Add the values (n, 3) of the objects that changed in a frame; frames come in ascending order."""
-        self._index["frames"] = [self._index["frames"][0] if self._index["frames"] else frame, frame]
+        """Add the values (n, 3) of the objects that changed in a frame; frames come in ascending order.
+
+        Raises
+        ------
+        FrameCacheError
+            When they cannot be written, as on a full disk.
+        """
+        self._frames = self._frames[0] if self._frames else frame, frame
         if not values:
             return
-        arrays = {str(i): np.asarray(colours, np.float32) for i, colours in enumerate(values.values())}
-        np.savez(self._part / _name(frame), names=np.array(json.dumps(list(values))), **arrays)
+        try:
+            frame_file.write(self._folder.generation / frame_file.name_of(frame), values)
+        except OSError as error:
+            raise cannot_write(self._folder.path, error) from None
         for name in values:
-            self._index["objects"].setdefault(name, []).append(frame)
+            add_frame(self._objects.setdefault(name, []), frame)
 
     def finish(self) -> None:
-        """Put the cache in its place."""
-        (self._part / _INDEX).write_text(json.dumps(self._index, indent=1) + "\n", encoding="utf-8")
-        old = self._folder.with_name(f".{self._folder.name}.{os.getpid()}.old")
-        names = _check_replaceable(self._folder)  # once more: the bake took its time
+        """Put the cache in its place; raises FrameCacheError when it cannot, which leaves the earlier one."""
+        folder = self._folder
+        former = folder.former_files()
+        index = CacheIndex(self._output, self._stored, self._frames, self._objects, folder.generation.name, former)
         try:
-            if self._folder.exists():
-                self._folder.rename(old)
-            try:
-                self._part.rename(self._folder)
-            except OSError:
-                if old.exists():
-                    old.rename(self._folder)
-                raise
+            folder.replace_index(index, self._settings)
         except OSError as error:
-            raise FrameCacheError(
-                f"the folder '{self._folder}' cannot be replaced ({error.strerror}): choose another one"
-            ) from None
-        if old.exists():
-            for name in names:
-                (old / name).unlink(missing_ok=True)
-            old.rmdir()
+            raise cannot_write(folder.path, error) from None
 
     def discard(self) -> None:
-        """Remove what was written so far; harmless after `finish`."""
-        if self._part.exists():
-            shutil.rmtree(self._part)
+        """Remove what is not in its place; after `finish` the earlier cache, else what was written so far."""
+        self._folder.leave()
 
 
-def _name(frame: int) -> str:
-    return f"frame_{frame:06d}.npz"
-
-
-def _check_replaceable(folder: Path) -> list[str]:
-    """Names of the files of the frame cache that a folder holds; none where it is empty or not there.
-
-    Raises
-    ------
-    FrameCacheError
-        When it holds anything else, which a bake must not remove.
-    """
-    if folder.is_file():
-        raise FrameCacheError(f"'{folder}' is a file: choose another name")
-    names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
-    own: set[str] = set()
-    if _INDEX in names:
-        with contextlib.suppress(ObscuranceError):  # an index that cannot be read is somebody else's
-            own = {_INDEX, *map(_name, FrameCache.open(folder).stored_frames())}
-    if others := sorted(names - own):
-        raise FrameCacheError(f"'{folder}' holds '{others[0]}', which is not of a frame cache: choose another folder")
-    return sorted(names)
+@contextmanager
+def _broken_means(folder: Path, cure: str) -> Iterator[None]:
+    """Turn what a broken file raises into an error with the cure; one that is not there stays FileNotFoundError."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise
+    except UNREADABLE as error:
+        plain = isinstance(error, ValueError) and not isinstance(error, (UnicodeError, json.JSONDecodeError))
+        why = getattr(error, "strerror", None) or (str(error) if plain else "a file is not of a frame cache")
+        raise FrameCacheError(f"the frame cache '{folder}' cannot be read ({why}): {cure}") from None

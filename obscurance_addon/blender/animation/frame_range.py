@@ -69,9 +69,7 @@ def bake_frames(
     Raises
     ------
     ObscuranceError
-        When nothing can be baked, or the cache cannot be put in its place,
-    OSError
-        or written; an older cache is then still there.
+        When nothing can be baked, or the cache cannot be written; an older cache is then still there.
     """
     if output.target is Target.LIGHTMAP:
         raise SettingsError("frames are baked into attributes: choose another target than LIGHTMAP")
@@ -124,7 +122,7 @@ def play_back(scene: bpy.types.Scene, cache: FrameCache, home: Path) -> None:
     """Make a scene that will be saved in the folder `home` play a cache, beginning with the frame that it shows."""
     if cache.has(scene.frame_current):
         cache.show(scene.frame_current)
-    group, folder = scene.obscurance, cache.folder
+    group, folder = scene.obscurance, cache.folder.resolve()
     group.live_preview = False
     group.frame_cache = f"//{folder.relative_to(home)}" if folder.is_relative_to(home) else str(folder)
     group.live_preview = True

@@ -177,11 +177,11 @@ def _bake_frames(
     context, objects: list, asked: _Asked, output: Path, options: argparse.Namespace, say: Terminal
 ) -> tuple[dict, str]:
     """Bake a range of frames; results as for `_bake_once`."""
-    from ..blender.animation import FrameCache, FrameRange, bake_frames, check_format, export_animation, play_back
+    from ..blender.animation import FrameCache, FrameRange, bake_frames, check_export, export_animation, play_back
 
     folder = frame_cache(options, output).resolve()
     if options.export is not None:
-        check_format(options.export)
+        check_export(objects, options.export)
     context.scene.obscurance.live_preview = False  # until the cache is there to be played
     frames, began, told = FrameRange(*options.frames, folder), time.perf_counter(), []
 

@@ -4,7 +4,7 @@ In go a scene and what Blender tells of its changes. Out come values that equal 
 """
 
 from . import handlers
-from .animated_export import check_format, export_animation
+from .animated_export import check_export, export_animation
 from .followed_objects import objects_over_time
 from .frame_cache import FrameCache
 from .frame_range import FrameRange, bake_frames, play_back
@@ -15,7 +15,7 @@ __all__ = [
     "FrameCache",
     "FrameRange",
     "bake_frames",
-    "check_format",
+    "check_export",
     "export_animation",
     "handlers",
     "objects_over_time",

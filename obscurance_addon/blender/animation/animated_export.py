@@ -6,14 +6,14 @@ So a wave without height is put on each mesh for the time of the export, and a h
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 
 from ...core.errors import ObscuranceError
-from ..writing import LAYERS, ExportFormat, ExportLayer, color_attribute, copy_for_export
+from ..writing import LAYERS, ExportFormat, check_export_name, color_attribute, copy_for_export, records
 from .frame_cache import FrameCache
 from .frame_range import at_every_frame
 
@@ -57,7 +57,7 @@ def export_animation(context: bpy.types.Context, cache: FrameCache, path: Path) 
         except ObscuranceError as error:
             errors.append(error)
 
-    with _only_for_now(objects, LAYERS[kind]), _seeming_to_deform(objects), at_every_frame(write_frame):
+    with _only_for_now(objects, kind), _seeming_to_deform(objects), at_every_frame(write_frame):
         try:
             scene.frame_start, scene.frame_end = cache.frames
             scene.frame_set(cache.frames[0])  # the layers must be there before the exporter looks
@@ -87,23 +87,35 @@ def check_format(path: Path) -> ExportFormat:
     return kind
 
 
+def check_export(objects: Iterable[bpy.types.Object], path: Path) -> None:
+    """Make sure, before a bake, that its result can be exported to a file.
+
+    Raises
+    ------
+    ObscuranceError
+        When the name of the file asks for no format that there is, or a layer of the user's has the format's name.
+    """
+    kind = check_format(path)
+    for ob in objects:
+        if ob.type == "MESH":
+            check_export_name(ob, kind)
+
+
 @contextmanager
-def _only_for_now(objects: list[bpy.types.Object], layer: ExportLayer) -> Iterator[None]:
-    """Take away afterwards the layers that the export makes; refuse to replace one of the user's."""
-    meshes = {ob.data.session_uid: ob.data for ob in objects}
-    for mesh in meshes.values():
-        if layer.name in mesh.attributes:
-            raise ObscuranceError(
-                f"mesh '{mesh.name}' has an attribute named '{layer.name}', which the export would replace: rename or "
-                "remove it"
-            )
+def _only_for_now(objects: list[bpy.types.Object], kind: ExportFormat) -> Iterator[None]:
+    """Take away afterwards the layers that the export makes; copies that were there stay."""
+    name = LAYERS[kind].name
+    for ob in objects:
+        check_export_name(ob, kind)
+    meshes = {ob.data.session_uid: ob.data for ob in objects if name not in ob.data.attributes}
     try:
         yield
     finally:
         for mesh in meshes.values():
-            if layer.name in mesh.attributes:
+            if name in mesh.attributes:
                 with color_attribute.choices_kept(mesh):
-                    mesh.attributes.remove(mesh.attributes[layer.name])
+                    mesh.attributes.remove(mesh.attributes[name])
+                records.forget(mesh, name)
 
 
 @contextmanager

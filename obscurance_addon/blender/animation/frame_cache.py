@@ -117,12 +117,17 @@ class FrameCache:
         ------
         FrameCacheError
             When an object has other faces than the cache.
+        AttributeNameError
+            When a layer of the user's has the name of the result; nothing is written then.
         """
         wanted, objects = {}, bpy.context.view_layer.objects
         for name, frames in self._objects.items():
             at = bisect_right(frames, frame)
             if at and name in objects and self._shown.get(name) != frames[at - 1]:
                 wanted[name] = frames[at - 1]
+        for ob in (objects[name] for name in wanted if objects[name].type == "MESH"):
+            for layer in self.output.layer_names():
+                color_attribute.check_name(ob, layer)
         for stored in sorted(set(wanted.values())):
             values = self._load(stored)
             for name in (name for name, at in wanted.items() if at == stored):
@@ -154,8 +159,6 @@ class FrameCache:
                 "clear Frame Cache"
             )
         for name, domain in output.layers():
-            if not color_attribute.is_color(mesh, name, domain):
-                color_attribute.check_name(ob, name)
             layer = color_attribute.prepare(mesh, name, domain)
             face_start = read_face_start(mesh) if domain != output.target else None
             color_attribute.fill(mesh, layer, name, spread(colours, face_start))

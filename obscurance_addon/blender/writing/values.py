@@ -69,8 +69,17 @@ def refresh_values(
 ) -> set[Hashable]:
     """Replace the `values` of the chosen objects among all that are baked, as quickly as a frame of playback asks for.
 
-    What `write_values` made must still be there; where it is not, it is made again. Objects that are gone are left out.
-    Returns the objects whose values were written: the chosen ones, and those that share a mesh with them.
+    Where what `write_values` made is not there any more, it is made again. Objects that are gone are left out.
+
+    Returns
+    -------
+    set
+        The objects whose values were written: the chosen ones, and those that share a mesh with them.
+
+    Raises
+    ------
+    AttributeNameError
+        When a layer of the user's has the name of the result; nothing is written then.
     """
     written: set[Hashable] = set()
     by_uid = {ob.session_uid: ob for ob in bpy.data.objects}
@@ -78,9 +87,11 @@ def refresh_values(
     for key, one in baked.items():
         if one.session_uid in by_uid:
             users.setdefault(by_uid[one.session_uid].data.session_uid, []).append(key)
-    for members in users.values():
-        if chosen.isdisjoint(members):
-            continue
+    groups = [members for members in users.values() if not chosen.isdisjoint(members)]
+    for key in (key for members in groups for key in members):
+        for name in output.layer_names():
+            color_attribute.check_name(by_uid[baked[key].session_uid], name)
+    for members in groups:
         written.update(members)
         mesh = by_uid[baked[members[0]].session_uid].data
         whole = all(color_attribute.is_color(mesh, name, domain) for name, domain in output.layers())

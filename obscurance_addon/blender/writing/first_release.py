@@ -12,7 +12,8 @@ from ..reading import read_attribute, read_face_start
 def layers(mesh: bpy.types.Mesh) -> list[str]:
     """Names of the layers that version 0.1.0 made with target FACE and its viewport copy.
 
-    They come in pairs, which are told by their values: opaque, and the same on each corner as on its face.
+    They come in pairs, which are told by their values: the same on each corner as on its face, and opaque, or empty
+    where another object was joined.
     """
     if mesh.is_editmode:
         return []
@@ -29,4 +30,5 @@ def layers(mesh: bpy.types.Mesh) -> list[str]:
 def _is_flat_copy(mesh: bpy.types.Mesh, face: str, corner: str) -> bool:
     on_faces, on_corners = (read_attribute(mesh, name, "color", "f4", 4) for name in (face, corner))
     flat = np.repeat(on_faces, np.diff(read_face_start(mesh)), axis=0)
-    return bool((on_faces[:, 3] == 1.0).all()) and np.array_equal(flat, on_corners)
+    untouched = (on_faces[:, 3] == 1.0) | ~on_faces.any(1)
+    return bool(untouched.all()) and np.array_equal(flat, on_corners)

@@ -92,6 +92,15 @@ def cube(name: str = "Cube", half: float = 1.0, **kw: object) -> bpy.types.Objec
     return new_object(name, np.array(CUBE_VERTICES) * half, CUBE_FACES, **kw)
 
 
+def put(mesh: bpy.types.Mesh, name: str, data_type: str, domain: str) -> None:
+    """An attribute as a user may have made it, with values that differ, alpha included."""
+    mesh.attributes.new(name, data_type, domain)
+    key, dtype, width = _READERS[data_type]
+    count = len(mesh.attributes[name].data) * width
+    values = np.arange(count) if dtype == "i4" else np.linspace(0.0, 1.0, count)
+    mesh.attributes[name].data.foreach_set(key, values.astype(dtype))
+
+
 def select(*objects: bpy.types.Object) -> None:
     """Select these objects only; the first one is active."""
     bpy.context.view_layer.update()

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 from obscurance_addon.blender.jobs.job import BakeJob
 from obscurance_addon.command_line import batch
 from obscurance_addon.version import version
-from tests.blender.helpers import CORNER_LAYER, FACE_LAYER, colors, cube, floor, select, sheet
+from tests.blender.helpers import CORNER_LAYER, FACE_LAYER, colors, cube, floor, put, select, sheet
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 ROOT = Path(__file__).parents[2]
@@ -90,6 +91,30 @@ def test_without_output_the_scene_is_saved_in_place(scene, tmp_path):
     assert run(scene) == 0
     assert [path.name for path in tmp_path.iterdir()] == ["scene.blend"]
     assert FACE_LAYER in load(scene)["Floor"].data.attributes
+
+
+@pytest.mark.parametrize(
+    ("data_type", "domain", "options"),
+    [
+        ("FLOAT_COLOR", "FACE", ()),
+        ("BYTE_COLOR", "CORNER", ("--target", "CORNER")),
+        ("FLOAT_VECTOR", "POINT", ("--target", "POINT")),
+        ("FLOAT_COLOR", "CORNER", ("--target", "LIGHTMAP")),
+        ("FLOAT2", "CORNER", ()),
+    ],
+)
+def test_a_file_with_a_layer_of_the_results_name_is_not_touched(
+    tmp_path, monkeypatch, capsys, data_type, domain, options
+):
+    """It is refused before anything is computed, and the message names object, layer and cure."""
+    build()
+    put(bpy.data.objects["Wall"].data, FACE_LAYER, data_type, domain)
+    scene = save(tmp_path / "scene.blend")
+    before = folder_state(tmp_path)
+    monkeypatch.setattr(BakeJob, "step", None)
+    assert run(scene, *options) == 1
+    assert re.search(r"'Wall' has a .*named 'Obscurance', .*choose another .*name", capsys.readouterr().err)
+    assert folder_state(tmp_path) == before
 
 
 def test_several_scenes_go_to_a_folder(scene, tmp_path):

@@ -11,8 +11,10 @@ from obscurance_addon.blender.animation import export_whole
 from obscurance_addon.blender.animation.export_check import ExportError
 from obscurance_addon.blender.animation.frame_cache import FrameCache, FrameCacheError
 from obscurance_addon.blender.animation.live_preview import PREVIEW
+from obscurance_addon.blender.writing import ExportFormat, copy_for_export
 from obscurance_addon.command_line import batch
-from tests.blender.helpers import FACE_LAYER, bake, colors, cube, floor
+from obscurance_addon.core.order import OutputSettings
+from tests.blender.helpers import FACE_LAYER, bake, colors, cube, floor, put, read
 
 FRAMES = 6
 NAMES = ("Floor", "Block")
@@ -245,17 +247,62 @@ def test_what_the_exporting_process_refuses_is_said(scene, tmp_path):
     assert "\n" not in str(raised.value)
 
 
-def test_an_export_leaves_no_layer_and_replaces_none_of_the_users(scene, tmp_path, capsys):
+def test_an_export_leaves_no_layer(scene, tmp_path):
     out, exported = tmp_path / "o.blend", tmp_path / "o.usda"
     assert run(scene, "--output", out, "--frames", "1-2", "--export", exported, "--quiet") == 0
-    objects = open_file(out)
-    assert "displayColor" not in objects["Floor"].data.attributes
-    objects["Floor"].data.attributes.new("displayColor", "FLOAT", "FACE")
-    bpy.context.scene.obscurance.live_preview = False
+    assert "displayColor" not in open_file(out)["Floor"].data.attributes
+
+
+def test_an_export_leaves_the_copies_that_were_there(scene, tmp_path):
+    """With the colors of the frame that is shown; they are still known as copies."""
+    out, exported = tmp_path / "o.blend", tmp_path / "o.usda"
+    bake(bpy.data.objects["Floor"], rays=16)
+    copy_for_export([bpy.data.objects["Floor"]], OutputSettings(), ExportFormat.USD)
     bpy.ops.wm.save_as_mainfile(filepath=str(scene))
-    assert run(scene, "--output", tmp_path / "other.blend", "--frames", "1-2", "--export", exported) == 1
-    assert "'displayColor'" in capsys.readouterr().err
-    assert not (tmp_path / "other_frames").exists()
+    assert run(scene, "--output", out, "--frames", "1-2", "--export", exported, "--quiet") == 0
+    objects = open_file(out)
+    assert "displayColor" not in objects["Far"].data.attributes
+    shown = np.repeat(colors(objects["Floor"]), 4, axis=0)
+    assert np.array_equal(colors(objects["Floor"], "displayColor"), shown)
+    copy_for_export([objects["Floor"]], OutputSettings(), ExportFormat.USD)
+
+
+@pytest.mark.parametrize(
+    ("layer", "data_type", "domain", "quantity"),
+    [
+        ("displayColor", "FLOAT_COLOR", "CORNER", "OBSCURANCE"),
+        ("displayColor", "FLOAT", "FACE", "OBSCURANCE"),
+        (FACE_LAYER, "FLOAT_COLOR", "FACE", "OBSCURANCE"),
+        (FACE_LAYER, "FLOAT_COLOR", "FACE", "DIRECT"),
+    ],
+)
+def test_layers_of_the_users_are_refused_before_any_frame(scene, tmp_path, capsys, layer, data_type, domain, quantity):
+    """Those of the result's name, and those of the export's; nothing is written."""
+    put(bpy.data.objects["Far"].data, layer, data_type, domain)
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    options = "--frames", "1-2", "--export", tmp_path / "o.usda", "--quantity", quantity
+    assert run(scene, *options) == 1
+    said = capsys.readouterr().err
+    assert "'Far' has a" in said
+    assert f"named '{layer}'" in said
+    assert "frame " not in said
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_playback_replaces_no_layer_of_the_users(scene, tmp_path):
+    """Where one object has one, none gets values."""
+    out = tmp_path / "out.blend"
+    assert run(scene, "--output", out, "--frames", "1-3", "--quiet") == 0
+    objects = open_file(out)
+    objects["Far"].data = floor("Twin", n=2).data
+    put(objects["Far"].data, FACE_LAYER, "FLOAT_COLOR", "FACE")
+    before = read(objects["Far"].data, FACE_LAYER), read(objects["Floor"].data, FACE_LAYER)
+    PREVIEW.distrust()
+    bpy.context.scene.frame_set(2)
+    assert "'Far' has a color attribute named 'Obscurance'" in PREVIEW.status
+    assert np.array_equal(read(objects["Far"].data, FACE_LAYER), before[0])
+    assert np.array_equal(read(objects["Floor"].data, FACE_LAYER), before[1])
 
 
 def test_a_file_among_those_of_a_cache_is_kept(scene, tmp_path, capsys):

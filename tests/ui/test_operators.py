@@ -85,6 +85,10 @@ def taken_name(ob):
     ob.data.uv_layers.new(name=FACE_LAYER)
 
 
+def painted(ob):
+    ob.data.attributes.new(FACE_LAYER, "FLOAT_COLOR", "FACE")
+
+
 def empty_name(_ob):
     bpy.context.scene.obscurance.attribute_name = ""
 
@@ -107,6 +111,7 @@ def flat_point(ob):
     [
         (no_distance, "Distance is 0 m"),
         (taken_name, "Object 'Floor' has a UV map named 'Obscurance'"),
+        (painted, "Object 'Floor' has a color attribute named 'Obscurance'.*choose another.*rename or remove"),
         (empty_name, "needs a name"),
         (hidden, "'Floor'"),
         (no_faces, "without faces.*'Floor'"),

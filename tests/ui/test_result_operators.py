@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from obscurance_addon.blender.properties.scene_settings import setting_names
-from tests.blender.helpers import CORNER_LAYER, FACE_LAYER, colors, floor, select, sheet
+from tests.blender.helpers import CORNER_LAYER, FACE_LAYER, colors, file_state, floor, put, read, select, sheet
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 BRIGHT = 1.25
+COPIES = [("GLTF", "COLOR_0", "FLOAT_COLOR"), ("USD", "displayColor", "FLOAT_COLOR"), ("ALEMBIC", "Cd", "BYTE_COLOR")]
 
 
 @pytest.fixture
@@ -67,11 +68,36 @@ def test_the_result_is_not_replaced_by_its_copy(baked):
     assert (baked.data.attributes["Cd"].domain, baked.data.attributes["Cd"].data_type) == ("FACE", "FLOAT_COLOR")
 
 
-def test_an_attribute_of_another_kind_that_has_to_go_is_named(baked, capfd):
-    """In a warning, as a bake does."""
-    baked.data.attributes.new("Cd", "FLOAT", "POINT")
-    bpy.ops.obscurance.copy_for_export(format="ALEMBIC")
-    assert "Attribute 'Cd' of mesh 'Floor' (FLOAT, POINT) was replaced" in "".join(capfd.readouterr())
+@pytest.mark.parametrize(("export_format", "name", "data_type"), COPIES)
+@pytest.mark.parametrize("imported", [True, False])
+def test_a_layer_of_the_users_is_not_replaced_by_a_copy(baked, export_format, name, data_type, imported):
+    """As importers make it or of another kind: object, layer and cure are named, and nothing is copied."""
+    other = floor("Other", z=2.0)
+    select(baked, other)
+    bpy.ops.obscurance.bake()
+    put(other.data, name, *((data_type, "CORNER") if imported else ("FLOAT", "POINT")))
+    before = file_state()
+    kind = "color attribute" if imported else "attribute"
+    message = (
+        f"'Other' has a {kind} named '{name}', which a copy for export must not replace: rename or remove the {kind}"
+    )
+    with pytest.raises(RuntimeError, match=message):
+        bpy.ops.obscurance.copy_for_export(format=export_format)
+    assert file_state() == before
+
+
+@pytest.mark.parametrize(("export_format", "name", "data_type"), COPIES)
+def test_a_copy_is_made_anew_after_another_bake(baked, export_format, name, data_type):
+    """What the first copy made, the second one may fill, painted over or not; a changed type makes it the user's."""
+    bpy.ops.obscurance.copy_for_export(format=export_format)
+    first = read(baked.data, name)
+    baked.data.attributes[name].data[0].color = (0.5, 0.5, 0.5, 0.5)
+    bpy.ops.obscurance.copy_for_export(format=export_format)
+    assert np.array_equal(read(baked.data, name), first)
+    baked.data.attributes.remove(baked.data.attributes[name])
+    put(baked.data, name, "BYTE_COLOR" if data_type == "FLOAT_COLOR" else "FLOAT_COLOR", "CORNER")
+    with pytest.raises(RuntimeError, match=f"has a color attribute named '{name}'"):
+        bpy.ops.obscurance.copy_for_export(format=export_format)
 
 
 # -------------------------------------------------------------------------------------------------------------- showing

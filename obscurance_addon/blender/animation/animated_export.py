@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 
 from ...core.errors import ObscuranceError
-from ..writing import LAYERS, ExportFormat, ExportLayer, color_attribute, copy_for_export
+from ..writing import LAYERS, ExportFormat, check_export_name, color_attribute, copy_for_export, records
 from .frame_cache import FrameCache
 from .frame_range import at_every_frame
 
@@ -59,7 +59,7 @@ def export_animation(context: bpy.types.Context, cache: FrameCache, path: Path) 
         except ObscuranceError as error:
             errors.append(error)
 
-    with _only_for_now(objects, LAYERS[kind]), _seeming_to_deform(objects), at_every_frame(write_frame):
+    with _only_for_now(objects, kind), _seeming_to_deform(objects), at_every_frame(write_frame):
         try:
             scene.frame_start, scene.frame_end = cache.frames
             scene.frame_set(cache.frames[0])  # the layers must be there before the exporter looks
@@ -93,8 +93,8 @@ def check_exportable(objects: Iterable[bpy.types.Object], first_frame: int, path
     Raises
     ------
     ObscuranceError
-        When the format is unknown to us or to this Blender, or begins later than the frames, or an object has a layer
-        of the user's where the export makes one.
+        When the format is unknown to us or to this Blender, or begins later than the frames, or a layer of the user's
+        has the format's name.
     """
     kind = check_format(path)
     if kind is ExportFormat.USD and first_frame < 0:
@@ -102,26 +102,26 @@ def check_exportable(objects: Iterable[bpy.types.Object], first_frame: int, path
     operator, name = _OPERATORS[kind]
     if operator not in dir(bpy.ops.wm):
         raise ObscuranceError(f"this Blender was built without {name}, so it cannot write '{path.name}': use another")
-    layer = LAYERS[kind]
     for ob in objects:
-        if layer.name in ob.data.attributes:
-            raise ObscuranceError(
-                f"mesh '{ob.data.name}' has an attribute named '{layer.name}', which the export would replace: rename "
-                "or remove it"
-            )
+        if ob.type == "MESH":
+            check_export_name(ob, kind)
 
 
 @contextmanager
-def _only_for_now(objects: list[bpy.types.Object], layer: ExportLayer) -> Iterator[None]:
-    """Take away afterwards the layers that the export makes."""
-    meshes = {ob.data.session_uid: ob.data for ob in objects}
+def _only_for_now(objects: list[bpy.types.Object], kind: ExportFormat) -> Iterator[None]:
+    """Take away afterwards the layers that the export makes; copies that were there stay."""
+    name = LAYERS[kind].name
+    for ob in objects:
+        check_export_name(ob, kind)
+    meshes = {ob.data.session_uid: ob.data for ob in objects if name not in ob.data.attributes}
     try:
         yield
     finally:
         for mesh in meshes.values():
-            if layer.name in mesh.attributes:
+            if name in mesh.attributes:
                 with color_attribute.choices_kept(mesh):
-                    mesh.attributes.remove(mesh.attributes[layer.name])
+                    mesh.attributes.remove(mesh.attributes[name])
+                records.forget(mesh, name)
 
 
 @contextmanager

@@ -95,12 +95,17 @@ class FrameCache:
         ------
         FrameCacheError
             When the cache is broken, or an object has other faces than it.
+        AttributeNameError
+            When a layer of the user's has the name of the result; nothing is written then.
         """
         wanted, objects = {}, bpy.context.view_layer.objects
         for name, runs in self._index.objects.items():
             stored = latest(runs, frame)
             if stored is not None and name in objects and self._shown.get(name) != stored:
                 wanted[name] = stored
+        for ob in (objects[name] for name in wanted if objects[name].type == "MESH"):
+            for layer in self.output.layer_names():
+                color_attribute.check_name(ob, layer)
         for stored in sorted(set(wanted.values())):
             places = {name: self._places(objects[name]) for name, at in wanted.items() if at == stored}
             for name, values in self._load(stored, places).items():
@@ -136,8 +141,6 @@ class FrameCache:
     def _write(self, ob: bpy.types.Object, colours: np.ndarray) -> None:
         mesh, output = ob.data, self.output
         for name, domain in output.layers():
-            if not color_attribute.is_color(mesh, name, domain):
-                color_attribute.check_name(ob, name)
             layer = color_attribute.prepare(mesh, name, domain)
             face_start = read_face_start(mesh) if domain != output.target else None
             color_attribute.fill(mesh, layer, name, spread(colours, face_start))

@@ -3,7 +3,7 @@
 In go a context and the objects to bake. Out comes a snapshot of plain arrays, with notes about what was left out.
 """
 
-from .meshes import read_face_start, same_faces
+from .meshes import read_attribute, read_face_start, same_faces
 from .object_mode import ObjectModeGuard, in_object_mode
 from .objects import SOLID_TYPES, SceneReader, instance_key, materials_of, names_of
 from .scene import snapshot_scene
@@ -18,6 +18,7 @@ __all__ = [
     "instance_key",
     "materials_of",
     "names_of",
+    "read_attribute",
     "read_face_start",
     "rendered_meshes",
     "same_faces",

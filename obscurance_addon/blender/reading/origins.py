@@ -119,9 +119,7 @@ def _has(mesh: bpy.types.Mesh, name: str, domain: str) -> bool:
 @contextmanager
 def _riding(mesh: bpy.types.Mesh, name: str, kind: str, domain: str) -> Iterator[str]:
     """The name of an attribute that an evaluated mesh has while the block lasts."""
-    while name in mesh.attributes:
-        name += "_"
-    mesh.attributes.new(name, kind, domain)
+    name = mesh.attributes.new(name, kind, domain).name  # numbered where it is taken, by a vertex group too
     try:
         yield name
     finally:

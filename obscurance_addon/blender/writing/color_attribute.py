@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from . import records
-from .layers import PENDING, check_text, made_layer, name_in_use
+from .layers import PENDING, check_free, check_text, made_layer
 
 
 def check_name(ob: bpy.types.Object, name: str) -> None:
@@ -24,19 +24,17 @@ def check_name(ob: bpy.types.Object, name: str) -> None:
     Raises
     ------
     AttributeNameError
-        When the name is empty, too long, reserved, or in use for something that must not be replaced.
+        When the name is empty, too long, reserved, or that of a layer of the user's.
     """
     check_text(name)
-    own_uv_map = records.is_own_uv_map(ob.data, name)
-    for kind, taken in (("vertex group", ob.vertex_groups), ("UV map", () if own_uv_map else ob.data.uv_layers)):
-        if name in taken:
-            raise name_in_use(ob, name, kind, f"attribute name, or rename the {kind}")
+    check_free(ob, name, cure="choose another attribute name, or ")
 
 
 def prepare(mesh: bpy.types.Mesh, name: str, domain: str, data_type: str = "FLOAT_COLOR") -> str:
     """Make room for a colour attribute and return the name of the layer to fill, a new one if need be.
 
-    Nothing that exists is changed yet, so that a failure on another mesh can be undone by `discard`.
+    A layer of this name must be ours (`check_free`). Nothing that exists is changed yet, so that a failure on another
+    mesh can be undone by `discard`.
 
     Raises
     ------
@@ -58,7 +56,7 @@ def discard(mesh: bpy.types.Mesh, name: str, layer: str) -> None:
 
 
 def fill(mesh: bpy.types.Mesh, layer: str, name: str, values: np.ndarray) -> str | None:
-    """Write values into a prepared layer and give it its name.
+    """Write values into a prepared layer, give it its name, and note that it is ours.
 
     Parameters
     ----------
@@ -66,7 +64,7 @@ def fill(mesh: bpy.types.Mesh, layer: str, name: str, values: np.ndarray) -> str
     layer : str
         What `prepare` returned.
     name : str
-        The name to end up with; an attribute of that name but another kind is removed.
+        The name to end up with; a layer of ours of that name but another kind is removed.
     values : ndarray, (n, 3) float
         Linear colours, finite.
 
@@ -75,6 +73,7 @@ def fill(mesh: bpy.types.Mesh, layer: str, name: str, values: np.ndarray) -> str
     str or None
         What was replaced, in words.
     """
+    records.adopt(mesh)
     rgba = np.ones((len(values), 4), np.float32)
     rgba[:, :3] = values
     mesh.attributes[layer].data.foreach_set("color", rgba.ravel())
@@ -84,6 +83,7 @@ def fill(mesh: bpy.types.Mesh, layer: str, name: str, values: np.ndarray) -> str
             if name in mesh.attributes:
                 replaced = _remove(mesh, name)
             mesh.attributes[layer].name = name
+    records.claim(mesh, name)
     mesh.update()
     return replaced
 

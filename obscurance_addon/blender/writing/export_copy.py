@@ -18,7 +18,7 @@ import numpy as np
 from ...core.errors import ObscuranceError
 from ...core.order import OutputSettings
 from . import color_attribute
-from .layers import undone_on_failure
+from .layers import check_free, undone_on_failure
 
 
 class ExportFormat(enum.StrEnum):
@@ -45,6 +45,11 @@ LAYERS = {
 }
 
 
+def check_export_name(ob: bpy.types.Object, export_format: ExportFormat) -> None:
+    """Make sure that a copy for a format replaces nothing of the user's; raises AttributeNameError."""
+    check_free(ob, LAYERS[export_format].name, "a copy for export", cure="")
+
+
 def copy_for_export(
     objects: Iterable[bpy.types.Object], output: OutputSettings, export_format: ExportFormat
 ) -> tuple[list[str], int, list[str]]:
@@ -65,12 +70,12 @@ def copy_for_export(
     cut : int
         Number of face corners whose colour was above 1 and was cut off there.
     replaced : list of str
-        Attributes of that name but another kind that had to go, in words.
+        Results of that name but another kind that had to go, in words.
 
     Raises
     ------
     ObscuranceError
-        When no object has a result that can be copied, or a name is taken.
+        When no object has a result that can be copied, or a layer of the user's has the name; nothing is copied then.
     """
     layer = LAYERS[export_format]
     if output.attribute_name == layer.name:
@@ -85,7 +90,7 @@ def copy_for_export(
             and color_attribute.keeps_what_is_written(ob.data)
             and color_attribute.is_color(ob.data, output.attribute_name, target)
         ):
-            color_attribute.check_name(ob, layer.name)
+            check_export_name(ob, export_format)
             users.setdefault(ob.data.session_uid, []).append(ob)
     if not users:
         raise ObscuranceError(

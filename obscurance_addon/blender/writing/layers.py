@@ -1,4 +1,4 @@
-"""What colour attributes and UV maps have in common: the names they may have, and that a failure leaves none behind."""
+"""What all layers have in common: which names they may have, and that a failure leaves none behind."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager
 import bpy
 
 from ...core.errors import ObscuranceError
+from . import records
 
 MAX_NAME_BYTES = 60  # Blender keeps 67, and names of temporary layers add to it
 PENDING = ".baking"  # suffix of a new layer until its values are in
@@ -34,10 +35,35 @@ def check_text(name: str) -> None:
         raise AttributeNameError(f"the attribute name '{name}' is reserved by Blender: choose another one")
 
 
-def name_in_use(ob: bpy.types.Object, name: str, kind: str, cure: str) -> AttributeNameError:
-    """The error that a name belongs to something of the user's."""
-    return AttributeNameError(
-        f"object '{ob.name}' has a {kind} named '{name}', which a bake must not replace: choose another {cure}"
+def check_free(ob: bpy.types.Object, name: str, writer: str = "a bake", cure: str = "choose another name, or ") -> None:
+    """Make sure that no layer of this name on an object, of whatever kind, is the user's.
+
+    Parameters
+    ----------
+    ob : bpy.types.Object
+    name : str
+    writer : str
+        Who would replace the layer, for the message.
+    cure : str
+        What to do beside renaming the layer, for the message.
+
+    Raises
+    ------
+    AttributeNameError
+        When there is a layer that no bake and no copy made, as far as `records` knows.
+    """
+    mesh = ob.data
+    if name in ob.vertex_groups:
+        kind = "vertex group"
+    elif name not in mesh.attributes or records.is_own(mesh, name):
+        return
+    elif name in mesh.uv_layers:
+        kind = "UV map"
+    else:
+        kind = "color attribute" if mesh.attributes[name].data_type.endswith("COLOR") else "attribute"
+    raise AttributeNameError(
+        f"object '{ob.name}' has a {kind} named '{name}', which {writer} must not replace: {cure}rename or remove the "
+        f"{kind}"
     )
 
 

@@ -64,7 +64,7 @@ def write_lightmap(
         image, notes = _land_with_uv(staged, objects, uv, output.attribute_name)
     for ob, of in zip(objects, baked, strict=True):
         uv_map = of.base.uv_map if uv is None else output.attribute_name
-        records.remember(ob.data, output.attribute_name, stored, output.exposure, image, uv_map, uv is not None)
+        records.remember(ob.data, output.attribute_name, stored, output.exposure, image, uv_map)
     return WrittenLightmap(image.name, files, notes)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from . import records
 from .color_attribute import choices_kept
-from .layers import PENDING, AttributeNameError, check_text, made_layer, name_in_use
+from .layers import PENDING, AttributeNameError, check_free, check_text, made_layer
 
 MAX_UV_MAPS = 8  # Blender's limit
 
@@ -18,22 +18,14 @@ def check_uv_name(ob: bpy.types.Object, name: str) -> None:
     Raises
     ------
     AttributeNameError
-        When the name is empty, too long, reserved, or in use for something that must not be replaced, or when there
-        are too many UV maps.
+        When the name is empty, too long, reserved, or that of a layer of the user's, or when there are too many UV
+        maps.
     """
     check_text(name)
-    mesh = ob.data
-    if name in ob.vertex_groups:
-        kind = "vertex group"
-    elif name in mesh.uv_layers:
-        kind = "" if records.is_own_uv_map(mesh, name) else "UV map"
-    elif name in mesh.attributes:
-        kind = "" if records.is_own_color(mesh, name) else "attribute"
-    else:
-        kind = ""
-    if kind:
-        raise name_in_use(ob, name, kind, "name, or keep that UV map" if kind == "UV map" else "name")
-    if len(mesh.uv_layers) >= MAX_UV_MAPS and name not in mesh.uv_layers:
+    uv_layers = ob.data.uv_layers
+    keeping = "keep that UV map, " if name in uv_layers else ""
+    check_free(ob, name, cure=f"choose another name, {keeping}or ")
+    if len(uv_layers) >= MAX_UV_MAPS and name not in uv_layers:
         raise AttributeNameError(
             f"object '{ob.name}' has {MAX_UV_MAPS} UV maps, and Blender allows no more: remove one, or keep one for "
             "the lightmap"
@@ -59,7 +51,9 @@ def discard(mesh: bpy.types.Mesh, name: str, layer: str) -> None:
 
 
 def fill(mesh: bpy.types.Mesh, layer: str, name: str, uv: np.ndarray) -> str | None:
-    """Write a prepared UV map, give it its name and show it in editors; renders keep the one that they use.
+    """Write a prepared UV map, give it its name, note that it is ours, and show it in editors.
+
+    Renders keep the one that they use.
 
     Parameters
     ----------
@@ -75,6 +69,7 @@ def fill(mesh: bpy.types.Mesh, layer: str, name: str, uv: np.ndarray) -> str | N
     str or None
         What was replaced, in words.
     """
+    records.adopt(mesh)
     replaced = None
     if layer != name:
         if name in mesh.attributes:
@@ -84,6 +79,7 @@ def fill(mesh: bpy.types.Mesh, layer: str, name: str, uv: np.ndarray) -> str | N
         mesh.uv_layers[layer].name = name
     mesh.uv_layers[name].uv.foreach_set("vector", np.ascontiguousarray(uv, np.float32).ravel())
     mesh.uv_layers.active = mesh.uv_layers[name]
+    records.claim(mesh, name)
     mesh.update()
     return replaced
 

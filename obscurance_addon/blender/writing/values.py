@@ -83,6 +83,11 @@ def refresh_values(
     set of hashable
         Objects whose values were written: the chosen ones, those whose results were gone, and those whose mesh any of
         them uses, or has ceased to use.
+
+    Raises
+    ------
+    AttributeNameError
+        When a layer of the user's has the name of the result; nothing is written then.
     """
     written: set[Hashable] = set()
     before = dict(shared)
@@ -92,15 +97,20 @@ def refresh_values(
     for key, one in baked.items():
         if one.session_uid in by_uid:
             users.setdefault(by_uid[one.session_uid].data.session_uid, []).append(key)
+    groups = []
     for members in users.values():
         averaged = len(members) > 1 and output.shared_meshes is SharedMeshes.AVERAGE
         if averaged:
             shared.update(dict.fromkeys(members, frozenset(members)))
-        mesh = by_uid[baked[members[0]].session_uid].data
-        whole = has_layers(mesh, output)
+        whole = has_layers(by_uid[baked[members[0]].session_uid].data, output)
         regrouped = any(before.get(key) != shared.get(key) for key in members)
-        if whole and not regrouped and chosen.isdisjoint(members):
-            continue
+        if not whole or regrouped or not chosen.isdisjoint(members):
+            groups.append((members, whole, averaged))
+    for key in (key for members, _, _ in groups for key in members):
+        for name in output.layer_names():
+            color_attribute.check_name(by_uid[baked[key].session_uid], name)
+    for members, whole, averaged in groups:
+        mesh = by_uid[baked[members[0]].session_uid].data
         written.update(members)
         if not whole or (len(members) > 1 and not averaged):
             write_values([baked[key] for key in members], [values(key) for key in members], output, stored)

@@ -10,12 +10,13 @@ from .child_runs import SERVER, ChildRun, KeptChild
 from .followers import ChildFollower, Follower, LocalFollower, make_follower
 from .following import Followed, FollowOrder
 from .monitor import JobMonitor
-from .output import MAX_EXPOSURE, ImageFormat, OutputSettings, Scale, SharedMeshes, Target
+from .output import CORNER_SUFFIX, MAX_EXPOSURE, ImageFormat, OutputSettings, Scale, SharedMeshes, Target
 from .report import BakeReport
 from .runs import Run, ThreadRun
 from .snapshot import BakedObject, Change, MeshArrays, ObjectSnapshot, SceneSnapshot
 
 __all__ = [
+    "CORNER_SUFFIX",
     "MAX_EXPOSURE",
     "SERVER",
     "BakeOrder",

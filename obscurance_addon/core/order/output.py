@@ -10,7 +10,7 @@ from ..settings import member_of
 
 MAX_EXPOSURE = 32.0  # stops
 
-_CORNER_SUFFIX = " Color"
+CORNER_SUFFIX = " Color"  # of the copy that the viewport shows
 
 
 class Target(enum.StrEnum):
@@ -106,7 +106,7 @@ class OutputSettings:
             return []
         layers = [(self.attribute_name, self.target.value)]
         if self.target is Target.FACE and self.corner_copy:
-            layers.insert(0, (self.attribute_name + _CORNER_SUFFIX, "CORNER"))
+            layers.insert(0, (self.attribute_name + CORNER_SUFFIX, "CORNER"))
         return layers
 
     def layer_names(self) -> list[str]:

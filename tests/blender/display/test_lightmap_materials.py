@@ -9,7 +9,7 @@ from obscurance_addon.blender.display.ambient_nodes import add_ambient, remove_a
 from obscurance_addon.blender.display.viewport_shading import activate_result, hide_result, lightmaps_are_shown
 from obscurance_addon.blender.marks import MADE_HERE
 from obscurance_addon.blender.writing.image import stage
-from obscurance_addon.blender.writing.records import INDIRECT, remember
+from obscurance_addon.blender.writing.records import INDIRECT, claim, remember
 from obscurance_addon.core.errors import ObscuranceError
 from obscurance_addon.core.order.output import OutputSettings, Target
 from tests.blender.display.test_ambient_nodes import baked_floor, file_state, group_nodes, render
@@ -40,7 +40,9 @@ def lightmapped(ob=None, pages=None, name="Obscurance", stored=INDIRECT, exposur
     points = read(mesh, "position")[[loop.vertex_index for loop in mesh.loops]][:, :2]
     mesh.uv_layers[uv_map].uv.foreach_set("vector", ((points + 1.0) / 2.0).astype(np.float32).ravel())
     image = stage(pages or [page()], name, "", "EXR_HALF").land()
-    remember(mesh, name, stored, exposure, image, uv_map, made_uv_map=True)
+    if name == uv_map:
+        claim(mesh, name)
+    remember(mesh, name, stored, exposure, image, uv_map)
     return ob
 
 

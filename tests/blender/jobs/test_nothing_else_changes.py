@@ -19,21 +19,13 @@ from tests.blender.helpers import (
     material,
     mesh_state,
     new_collection,
+    put,
     select,
 )
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 WRITTEN = (FACE_LAYER, CORNER_LAYER)
 TARGETS = ["FACE", "CORNER", "POINT"]
-FIELDS = {"FLOAT": ("value", 1), "INT": ("value", 1), "FLOAT_VECTOR": ("vector", 3), "BYTE_COLOR": ("color", 4)}
-
-
-def put(mesh, name, data_type, domain):
-    mesh.attributes.new(name, data_type, domain)
-    key, width = FIELDS[data_type]
-    count = len(mesh.attributes[name].data) * width
-    values = np.linspace(0.0, 1.0, count) if data_type != "INT" else np.arange(count)
-    mesh.attributes[name].data.foreach_set(key, values.astype(np.int32 if data_type == "INT" else np.float32))
 
 
 def rich_scene():
@@ -125,9 +117,9 @@ def test_nothing_changes_when_tracing_fails(monkeypatch):
 
 @pytest.mark.parametrize("nth", [1, 2, 3, 4])
 def test_nothing_changes_when_an_attribute_cannot_be_made(monkeypatch, nth):
-    """Whichever of the four layers of two meshes fails, none is left, and a layer in another type is not lost."""
+    """Whichever of the four layers of two meshes fails, none is left, and a result in another domain is not lost."""
     ob, other = rich_scene()
-    put(other.data, FACE_LAYER, "INT", "POINT")
+    bake(other, target="POINT")
     before = file_state()
     running = job(ob, other)
     while not running.step(1.0):

@@ -253,6 +253,7 @@ def test_an_attribute_of_the_users_is_not_taken_over(name):
     for each in (ob, twin):
         triangulate(each)
     ob.data.attributes.new(name, "FLOAT", "FACE")
+    twin.vertex_groups.new(name=name)
     before = mesh_state(ob.data)
     made = arrays(ob, twin, target="CORNER")
     assert np.array_equal(made.ranges[0].element_patch, made.ranges[1].element_patch)

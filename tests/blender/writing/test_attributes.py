@@ -15,6 +15,7 @@ from tests.blender.helpers import (
     floor,
     job,
     notes_about,
+    put,
     read,
 )
 
@@ -123,39 +124,18 @@ def test_baking_again_overwrites_in_place():
     assert np.array_equal(colors(ob), first)
 
 
-@pytest.mark.parametrize(
-    ("data_type", "domain", "target"),
-    [
-        ("BYTE_COLOR", "CORNER", "FACE"),
-        ("FLOAT_COLOR", "CORNER", "FACE"),
-        ("FLOAT_COLOR", "FACE", "CORNER"),
-        ("FLOAT_COLOR", "CORNER", "POINT"),
-        ("FLOAT", "POINT", "FACE"),
-        ("INT", "EDGE", "POINT"),
-        ("BYTE_COLOR", "POINT", "POINT"),
-    ],
-)
-def test_an_attribute_of_another_kind_is_replaced_and_said_so(data_type, domain, target):
-    """The new one has the right kind and the values of a bake onto a clean mesh; the note names mesh and old kind."""
+@pytest.mark.parametrize(("before", "after"), [("FACE", "CORNER"), ("CORNER", "POINT"), ("POINT", "FACE")])
+def test_a_result_of_another_target_is_replaced_and_said_so(before, after):
+    """The new one has the right domain and the values of a bake onto a clean mesh; the note names mesh and old kind."""
     ob = scene()
-    bake(ob, target=target)
+    bake(ob, target=after)
     clean = colors(ob)
-    ob.data.attributes.remove(ob.data.attributes[FACE_LAYER])
-    ob.data.attributes.new(FACE_LAYER, data_type, domain)
-    report = bake(ob, target=target)
-    assert kinds(ob)[FACE_LAYER] == ("FLOAT_COLOR", target)
+    bake(ob, target=before)
+    report = bake(ob, target=after)
+    assert kinds(ob)[FACE_LAYER] == ("FLOAT_COLOR", after)
     assert np.array_equal(colors(ob), clean)
-    assert notes_about(report.warnings, "'Obscurance'", "mesh 'Floor'", data_type, domain, "replaced")
+    assert notes_about(report.warnings, "'Obscurance'", "mesh 'Floor'", "FLOAT_COLOR", before, "replaced")
     assert [name for name in ob.data.attributes.keys() if "." in name.lstrip(".")] == []  # noqa: SIM118
-
-
-def test_a_replaced_corner_copy_is_said_so():
-    """Its name is not the setting's, so it is named in full."""
-    ob = scene()
-    ob.data.attributes.new(CORNER_LAYER, "BYTE_COLOR", "CORNER")
-    report = bake(ob)
-    assert kinds(ob)[CORNER_LAYER] == ("FLOAT_COLOR", "CORNER")
-    assert notes_about(report.warnings, "'Obscurance Color'", "BYTE_COLOR", "replaced")
 
 
 def refuses(*words, **changes):
@@ -168,11 +148,48 @@ def refuses(*words, **changes):
     assert file_state() == before
 
 
+@pytest.mark.parametrize(
+    ("name", "data_type", "domain", "target"),
+    [
+        (FACE_LAYER, "FLOAT_COLOR", "FACE", "FACE"),
+        (CORNER_LAYER, "FLOAT_COLOR", "CORNER", "FACE"),
+        (FACE_LAYER, "FLOAT_COLOR", "CORNER", "CORNER"),
+        (FACE_LAYER, "FLOAT_COLOR", "POINT", "POINT"),
+        (FACE_LAYER, "FLOAT_COLOR", "CORNER", "FACE"),
+        (FACE_LAYER, "BYTE_COLOR", "POINT", "POINT"),
+        (CORNER_LAYER, "BYTE_COLOR", "CORNER", "FACE"),
+        (FACE_LAYER, "FLOAT_VECTOR", "FACE", "FACE"),
+        (FACE_LAYER, "FLOAT", "POINT", "CORNER"),
+        (FACE_LAYER, "INT", "EDGE", "POINT"),
+        (FACE_LAYER, "FLOAT2", "CORNER", "LIGHTMAP"),
+    ],
+)
+def test_an_attribute_of_the_users_is_not_touched(name, data_type, domain, target):
+    """Of another kind or of the very kind of a result, alpha and all; the error names object, layer and cure."""
+    put(scene().data, name, data_type, domain)
+    kind = "UV map" if target == "LIGHTMAP" else "color attribute" if "COLOR" in data_type else "attribute"
+    refuses("object 'Floor'", f"has a {kind} named '{name}'", "choose another", f"remove the {kind}", target=target)
+
+
+@pytest.mark.parametrize("target", ["FACE", "CORNER", "POINT"])
+def test_an_attribute_made_during_the_bake_is_not_touched(target):
+    """The bake fails as it would have at its beginning, and writes nothing, onto other objects neither."""
+    ob = scene()
+    running = job(bpy.data.objects["Ceiling"], ob, target=target)
+    while not running.step(1.0):
+        pass
+    put(ob.data, FACE_LAYER, "FLOAT_COLOR", target)
+    before = file_state()
+    with pytest.raises(AttributeNameError, match="'Floor' has a color attribute named 'Obscurance'"):
+        running.commit()
+    assert file_state() == before
+
+
 @pytest.mark.parametrize("name", [FACE_LAYER, CORNER_LAYER])
 def test_a_uv_map_of_that_name_is_not_touched(name):
     """The error names the object, the map, and the cure."""
     scene().data.uv_layers.new(name=name)
-    refuses("object 'Floor'", f"UV map named '{name}'", "choose another attribute name", "rename the UV map")
+    refuses("object 'Floor'", f"UV map named '{name}'", "choose another attribute name", "remove the UV map")
 
 
 @pytest.mark.parametrize("name", [FACE_LAYER, CORNER_LAYER])
@@ -180,7 +197,7 @@ def test_a_vertex_group_of_that_name_is_not_touched(name):
     """The error names the object, the group, and the cure."""
     scene().vertex_groups.new(name=name)
     refuses(
-        "object 'Floor'", f"vertex group named '{name}'", "choose another attribute name", "rename the vertex group"
+        "object 'Floor'", f"vertex group named '{name}'", "choose another attribute name", "remove the vertex group"
     )
 
 

@@ -36,7 +36,7 @@ from ...core.settings import BakeSettings
 from ...core.updates import UpdateMode
 from ..jobs import check_destination, writable_objects
 from ..reading import snapshot_scene
-from ..writing import refresh_values, write_values
+from ..writing import refresh_values, shared_meshes, write_values
 from .followed_objects import likely_movers
 from .scene_changes import SceneChanges
 
@@ -157,6 +157,7 @@ class FrameUpdater:
         baked = self._baked()
         values = [self._values(key) for key in baked]
         write_values(list(baked.values()), values, self._output, STORED)
+        self._shared = shared_meshes(baked, self._output)
 
     def end(self) -> None:
         """Let go of everything that is not the scene's."""

@@ -9,7 +9,7 @@ from .export_copy import LAYERS, ExportFormat, ExportLayer, check_export_name, c
 from .image_files import check_path
 from .lightmap import write_lightmap
 from .records import INDIRECT, indirect_exposure, is_own_color, lightmap_of, what_is_stored
-from .values import has_layers, refresh_values, separate, spread, write_values
+from .values import has_layers, refresh_values, separate, shared_meshes, spread, write_values
 
 __all__ = [
     "INDIRECT",
@@ -29,6 +29,7 @@ __all__ = [
     "records",
     "refresh_values",
     "separate",
+    "shared_meshes",
     "spread",
     "uv_layer",
     "what_is_stored",

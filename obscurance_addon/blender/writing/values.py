@@ -90,29 +90,24 @@ def refresh_values(
         When a layer of the user's has the name of the result; nothing is written then.
     """
     written: set[Hashable] = set()
-    before = dict(shared)
-    shared.clear()
     by_uid = {ob.session_uid: ob for ob in bpy.data.objects}
-    users: dict[int, list[Hashable]] = {}
-    for key, one in baked.items():
-        if one.session_uid in by_uid:
-            users.setdefault(by_uid[one.session_uid].data.session_uid, []).append(key)
+    users = _by_mesh(baked, by_uid)
+    before, means = dict(shared), _means(users, output)
+    shared.clear()
+    shared.update(means)
     groups = []
-    for members in users.values():
-        averaged = len(members) > 1 and output.shared_meshes is SharedMeshes.AVERAGE
-        if averaged:
-            shared.update(dict.fromkeys(members, frozenset(members)))
+    for members in users:
         whole = has_layers(by_uid[baked[members[0]].session_uid].data, output)
         regrouped = any(before.get(key) != shared.get(key) for key in members)
         if not whole or regrouped or not chosen.isdisjoint(members):
-            groups.append((members, whole, averaged))
-    for key in (key for members, _, _ in groups for key in members):
+            groups.append((members, whole, len(members) == 1 or members[0] in shared))
+    for key in (key for members, _whole, _fits in groups for key in members):
         for name in output.layer_names():
             color_attribute.check_name(by_uid[baked[key].session_uid], name)
-    for members, whole, averaged in groups:
+    for members, whole, fits in groups:
         mesh = by_uid[baked[members[0]].session_uid].data
         written.update(members)
-        if not whole or (len(members) > 1 and not averaged):
+        if not whole or not fits:
             write_values([baked[key] for key in members], [values(key) for key in members], output, stored)
             continue
         colours = np.mean([values(key) for key in members], axis=0)
@@ -120,6 +115,26 @@ def refresh_values(
             color_attribute.fill(mesh, name, name, spread(colours, _start_of(baked[members[0]], domain, output)))
             records.remember(mesh, name, stored, output.exposure)
     return written
+
+
+def shared_meshes(baked: Mapping[Hashable, BakedObject], output: OutputSettings) -> dict[Hashable, frozenset[Hashable]]:
+    """`shared` for `refresh_values`, where `write_values` wrote."""
+    return _means(_by_mesh(baked, {ob.session_uid: ob for ob in bpy.data.objects}), output)
+
+
+def _by_mesh(baked: Mapping[Hashable, BakedObject], by_uid: Mapping[int, bpy.types.Object]) -> list[list[Hashable]]:
+    """The objects that use each mesh."""
+    users: dict[int, list[Hashable]] = {}
+    for key, one in baked.items():
+        if one.session_uid in by_uid:
+            users.setdefault(by_uid[one.session_uid].data.session_uid, []).append(key)
+    return list(users.values())
+
+
+def _means(users: list[list[Hashable]], output: OutputSettings) -> dict[Hashable, frozenset[Hashable]]:
+    if output.shared_meshes is SharedMeshes.SEPARATE:
+        return {}
+    return {key: frozenset(members) for members in users if len(members) > 1 for key in members}
 
 
 def has_layers(mesh: bpy.types.Mesh, output: OutputSettings) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
 
 import bpy
@@ -78,7 +78,11 @@ def run(steps: int, seed: int, folder: Path, tell: Callable[[str], None] | None 
 
 
 def compare(name: str) -> bool:
-    """Raises Difference where a layer does not hold what a full bake gives now."""
+    """Whether there was anything to compare; raises DifferenceError where a layer holds other than a full bake gives.
+
+    Where a ray meets two faces of different colour at the very same distance, as on the edge between them, either bake
+    may take either. Such patches are known by this: they change with the order in which a full bake holds the objects.
+    """
     updater = PREVIEW._updater
     if not isinstance(updater, FrameUpdater):
         return False
@@ -91,16 +95,28 @@ def compare(name: str) -> bool:
         return False
     changes = {b.snapshot.key: Change(b.snapshot, b) for b in taken.baked}
     changes.update({ob.key: Change(ob, None) for ob in taken.occluders})
-    mode, held = UpdateMode.EXACT, updater._last.held
-    full = Following(FollowOrder(changes, updater._settings, output, set(), 0, mode, held)).first()
+
+    def full_bake(movers: Iterable[Hashable] = ()) -> dict[Hashable, np.ndarray]:
+        mode, held = UpdateMode.EXACT, updater._last.held
+        order = FollowOrder(changes, updater._settings, output, set(movers), 0, mode, held)
+        return Following(order).first().values
+
+    full = full_bake()
     users: dict[str, list] = {}
     by_uid = {ob.session_uid: ob for ob in objects}
     for baked in taken.baked:
         users.setdefault(by_uid[baked.session_uid].data.name, []).append((baked.snapshot.name, baked.snapshot.key))
     for mesh, members in users.items():
-        expected = np.mean([full.values[key] for _name, key in members], axis=0)
+        expected = np.mean([full[key] for _name, key in members], axis=0)
         ours = read(bpy.data.meshes[mesh], FACE_LAYER)[:, :3]
-        if not np.array_equal(ours, expected.astype(np.float32)):
-            worst = np.abs(ours - expected).max() if ours.shape == expected.shape else ours.shape
-            raise DifferenceError(f"after '{name}' {members[0][0]} is off by {worst}, status '{PREVIEW.status}'")
+        if ours.shape == expected.shape:
+            differs = (ours != expected.astype(np.float32)).any(1)
+            if differs.any():
+                others = [full_bake(movers) for movers in ([key] for key in changes)] + [full_bake(changes)]
+                for key in (key for _name, key in members):
+                    differs &= ~np.any([(other[key] != full[key]).any(1) for other in others], axis=0)
+            if not differs.any():
+                continue
+        worst = np.abs(ours - expected).max() if ours.shape == expected.shape else f"{ours.shape}, {expected.shape}"
+        raise DifferenceError(f"after '{name}' {members[0][0]} is off by {worst}, status '{PREVIEW.status}'")
     return True

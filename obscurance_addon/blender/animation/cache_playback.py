@@ -7,7 +7,7 @@ from collections.abc import Callable
 import bpy
 
 from ...core.errors import ObscuranceError
-from ..reading import names_of
+from ...core.notes import named
 from .frame_cache import FrameCache
 
 
@@ -47,7 +47,9 @@ class CachePlayback:
         """
         changed, missing = self._cache.show(scene.frame_current)
         if missing:
-            self._tell(f"the frame cache has values for {names_of(missing)}, which the scene has not")
+            self._tell(
+                f"the frame cache has values for {named(missing)}, which the scene does not have: bake the frames again"
+            )
         return f"Frame {scene.frame_current} from the cache, {len(changed)} objects changed"
 
     def forget_shown(self) -> None:

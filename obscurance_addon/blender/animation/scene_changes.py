@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from ...core.errors import ObscuranceError
+from ...core.notes import Notes
 from ...core.order import BakedObject, Change, MeshArrays, ObjectSnapshot, SceneSnapshot, shade
 from ...core.scene import same_numbers
 from ..reading import SceneReader, instance_key, keeps_links, materials_of, read_mesh, same_faces
@@ -79,7 +80,7 @@ class SceneChanges:
         NotUpdatableError
             When an object has other faces than before; what is known then stays as it was.
         """
-        reader = SceneReader(context, [], self._baked_layers, None, None)
+        reader = SceneReader(context, Notes(), self._baked_layers, None, None)
         now: dict[Hashable, Change] = {}
         changed: dict[Hashable, Change | None] = {}
         for instance in depsgraph.object_instances:

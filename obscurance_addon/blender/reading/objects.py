@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Sequence
 
 import bpy
 import numpy as np
 
 from ...core.light import LightSources
 from ...core.lightmap import LightmapSettings
+from ...core.notes import Notes
 from ...core.order import MeshArrays, ObjectSnapshot
 from ...core.shading import Shading, SurfaceArrays
 from ..materials import ImageCache, node_tree_of, read_surface, snapshot_material
@@ -16,6 +17,7 @@ from .lights import LightReader, read_world
 from .meshes import read_mesh
 from .visibility import rendered_members, rendered_objects
 
+_SHOW = "show them there, or hide them from renders too"
 SOLID_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 
 
@@ -25,7 +27,7 @@ class SceneReader:
     def __init__(
         self,
         context: bpy.types.Context,
-        notes: list[str],
+        notes: Notes,
         baked_layers: Sequence[str],
         lights: LightReader | None,
         lightmap: LightmapSettings | None,
@@ -108,19 +110,15 @@ class SceneReader:
         """Lights and world, once all instances are read."""
         if self._lights is None:
             return LightSources()
-        self._lights.finish(self._scene.frame_current)
+        self._lights.finish()
         self._note_volumes()
         return LightSources(tuple(self._lights.lamps), read_world(self._scene.world, self.notes))
 
     def _note_volumes(self) -> None:
         """Name objects that fill space with something, which is not modelled."""
-        volumes = {
-            ob.name
-            for ob in self._scene.collection.all_objects
-            if ob.session_uid in self._visible and (ob.type == "VOLUME" or any(map(_has_volume, ob.material_slots)))
-        }
-        if volumes:
-            self.notes.append(f"volumes are not supported, so these do not dim or scatter light: {names_of(volumes)}")
+        for ob in self._scene.collection.all_objects:
+            if ob.session_uid in self._visible and (ob.type == "VOLUME" or any(map(_has_volume, ob.material_slots))):
+                self.notes.add("volumes are not supported, so these do not dim or scatter light", ob.name)
 
     def _shading(self, material: bpy.types.Material | None) -> Shading:
         key = material.as_pointer() if material else 0
@@ -159,14 +157,13 @@ class SceneReader:
                 self._hidden.add(ob.name)
             elif ob.session_uid not in self._visible:
                 unseen.add(ob.name)
-        if self._hidden:
-            self.notes.append(f"hidden from renders, so they do not occlude: {names_of(self._hidden)}")
-        if dark:
-            self.notes.append(f"hidden in the viewport, so they do not light although they render: {names_of(dark)}")
-        if unseen:
-            self.notes.append(
-                f"hidden in the viewport, so they do not occlude although they render: {names_of(unseen)}"
-            )
+        for names, what, cure in (
+            (self._hidden, "hidden from renders, so they do not occlude", ""),
+            (dark, "hidden in the viewport, so they do not light although they render", _SHOW),
+            (unseen, "hidden in the viewport, so they do not occlude although they render", _SHOW),
+        ):
+            if names:
+                self.notes.add(what, *names, cure=cure)
 
 
 def instance_key(instance: bpy.types.DepsgraphObjectInstance) -> Hashable:
@@ -186,9 +183,3 @@ def _has_volume(slot: bpy.types.MaterialSlot) -> bool:
     tree = node_tree_of(slot.material) if slot.material else None
     end = tree.get_output_node("CYCLES") if tree else None
     return end is not None and end.inputs["Volume"].is_linked
-
-
-def names_of(names: Iterable[str], most: int = 12) -> str:
-    names = sorted(names)
-    listed = ", ".join(f"'{name}'" for name in names[:most])
-    return listed if len(names) <= most else f"{listed} and {len(names) - most} more"

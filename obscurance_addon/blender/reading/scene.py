@@ -12,11 +12,14 @@ import bpy
 
 from ...core.errors import GeometryError
 from ...core.lightmap import LightmapSettings, UvMode
+from ...core.notes import Notes
 from ...core.order import BakedObject, ObjectSnapshot, SceneSnapshot
 from ..materials import read_surface
+from .left_out import note_refused, nothing_to_bake, unseen_reason
+from .libraries import note_missing
 from .lights import LightReader
 from .meshes import read_mesh
-from .objects import SceneReader, names_of
+from .objects import SceneReader
 from .origins import carried_indices, with_own_origins
 
 
@@ -56,7 +59,8 @@ def snapshot_scene(
         When none of the objects to bake is visible, or one lacks the UV map to keep.
     """
     objects = list(objects)
-    notes: list[str] = []
+    notes = Notes()
+    note_missing(context.scene, notes)
     with carried_indices(objects, needs_rest) as first_index:
         depsgraph = context.evaluated_depsgraph_get()
         reader = SceneReader(context, notes, baked_layers, LightReader(notes) if needs_light else None, lightmap)
@@ -78,12 +82,12 @@ def snapshot_scene(
             for ob in objects
             if ob.session_uid in found
         ]
-    unseen = [ob.name for ob in objects if ob.session_uid not in found]
-    if unseen:
-        notes.append(f"hidden, or left without faces by modifiers, so nothing was baked onto: {names_of(unseen)}")
+    unseen = [(ob, unseen_reason(context, ob)) for ob in objects if ob.session_uid not in found]
     if not baked:
-        raise GeometryError("; ".join(["there is nothing to bake", *notes]))
-    return SceneSnapshot(baked, occluders, notes, reader.light_sources())
+        raise nothing_to_bake(context, unseen)
+    note_refused(unseen, notes)
+    sources = reader.light_sources()
+    return SceneSnapshot(baked, occluders, notes.lines(), sources)
 
 
 def _baked_object(
@@ -100,9 +104,10 @@ def _baked_object(
         why, cure = "keep no link to the faces they started from", ""
         if reader.lightmap is not None:
             why, cure = "change which faces there are", ", or keep the UV map of this bake in the next one,"
-        reader.notes.append(
-            f"object '{ob.name}': its modifiers {why}, so its unmodified mesh was baked; apply the modifiers{cure} to "
-            "bake what they make"
+        reader.notes.add(
+            f"modifiers {why}, so the unmodified mesh was baked",
+            ob.name,
+            cure=f"apply the modifiers{cure} to bake what they make",
         )
         base = mesh = replace(base, face_origin=None, rest=None)
         snapshot = replace(snapshot, surface=read_surface(ob.data, snapshot.shadings, reader.baked_layers))

@@ -8,10 +8,13 @@ import bpy
 import numpy as np
 
 from ...core.errors import ObscuranceError
+from ...core.notes import Notes
 from ...core.order import BakedObject, OutputSettings, SharedMeshes
 from ..reading import same_faces
 from . import color_attribute, records
 from .layers import undone_on_failure
+
+_AVERAGE = "with Shared Meshes set to Average they would share one result"
 
 
 class SceneChangedError(ObscuranceError):
@@ -28,7 +31,7 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
     groups: dict[int, list[int]] = {}
     for i, ob in enumerate(objects):
         groups.setdefault(ob.data.session_uid, []).append(i)
-    notes: list[str] = []
+    notes = Notes()
     copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
     prepared: list[str] = []
     with undone_on_failure() as undo:
@@ -52,12 +55,12 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
                 mesh, next(layers), name, spread(colours, _start_of(source, domain, output))
             )
             if replaced:
-                notes.append(replaced)
+                notes.add(replaced)
             records.remember(mesh, name, stored, output.exposure)
         shown, shown_domain = output.layers()[0]
         if shown_domain != "FACE":  # only corner and point colours can be active in the viewport
             color_attribute.make_active(mesh, shown)
-    return notes
+    return notes.lines()
 
 
 def refresh_values(
@@ -105,7 +108,7 @@ def _start_of(source: BakedObject, domain: str, output: OutputSettings) -> np.nd
 
 
 def separate(
-    users: list[bpy.types.Object], copies: list[tuple[bpy.types.Object, bpy.types.Mesh]], notes: list[str]
+    users: list[bpy.types.Object], copies: list[tuple[bpy.types.Object, bpy.types.Mesh]], notes: Notes
 ) -> None:
     """Give each object a mesh of its own; the first keeps the mesh unless objects that are not baked use it too."""
     mesh = users[0].data
@@ -116,8 +119,8 @@ def separate(
         copies.append((ob, mesh))
         ob.data = mesh.copy()
     if copied:
-        names = ", ".join(f"'{ob.name}'" for ob in copied)
-        notes.append(f"mesh '{mesh.name}' is shared, so these got a copy of their own: {names}")
+        names = [ob.name for ob in copied]
+        notes.add("their mesh was shared, so these got a copy of their own", *names, cure=_AVERAGE)
 
 
 def rejoin(copies: list[tuple[bpy.types.Object, bpy.types.Mesh]]) -> None:

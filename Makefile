@@ -8,7 +8,7 @@ WORKERS ?= auto
 RUN = $(VENV)/bin/python
 PYTEST = $(RUN) -m pytest -n $(WORKERS) --dist worksteal
 
-.PHONY: venv demo test test-core test-blender test-window extension wheel lint bench figures samples clean
+.PHONY: venv demo test test-core test-blender test-window extension wheel lint bench bake-folder figures samples clean
 
 venv: $(VENV)/installed-$(BPY)
 
@@ -43,6 +43,10 @@ lint: venv
 
 bench: venv
 	$(RUN) benchmarks/run.py
+
+# Every .blend below DIR with every target; tables of what became of them in build/bake_folder.
+bake-folder: venv
+	$(RUN) tools/bake_folder.py "$(DIR)"
 
 figures: venv
 	$(RUN) benchmarks/figures.py

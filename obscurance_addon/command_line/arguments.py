@@ -25,6 +25,7 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     where = bake.add_mutually_exclusive_group()
     where.add_argument("--output", type=Path, metavar="OUT.blend", help="file to write (default: in place)")
     where.add_argument("--output-dir", type=Path, metavar="DIR", help="folder to write files of the same names to")
+    bake.add_argument("--scene", metavar="NAME", help="scene to bake (default: the one that is open in the file)")
     bake.add_argument("--objects", nargs="+", metavar="NAME", help="objects to bake (default: all that render)")
     bake.add_argument("--quantity", choices=[q.value for q in Quantity], help="what is stored (default: OBSCURANCE)")
     bake.add_argument("--ambient", choices=[a.value for a in Ambient], help="what ambient light is computed from")

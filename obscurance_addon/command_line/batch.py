@@ -22,6 +22,7 @@ from pathlib import Path
 from ..core.errors import ObscuranceError
 from ..core.light import LightSettings
 from ..core.lightmap import LightmapSettings
+from ..core.notes import named
 from ..core.order import OutputSettings
 from ..core.settings import BakeSettings
 from ..version import version
@@ -127,12 +128,15 @@ def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say:
         bpy.ops.wm.open_mainfile(filepath=str(scene.resolve()), load_ui=False)
     loaded = time.perf_counter()
     context = bpy.context
+    opened = context.scene.name
+    _enter_scene(context, options.scene)
     asked = _Asked.of(context.scene, options)
     guard = ObjectModeGuard(context)
     objects = _objects(context, options)
     bake = _bake_once if options.frames is None else _bake_frames
     entry, summary = bake(context, objects, asked, output, options, say)
     guard.restore(context)
+    _enter_scene(context, opened)  # the saved file opens as it did
     baked = time.perf_counter()
     with _written_whole(output) as part:
         with scene.open("rb") as source:
@@ -246,6 +250,17 @@ def _finite(distance: float) -> float | str:
     return distance if math.isfinite(distance) else "inf"
 
 
+def _enter_scene(context, name: str | None) -> None:
+    """Make the scene of this name the active one, if there is a name."""
+    import bpy
+
+    if name is None or name == context.scene.name:
+        return
+    if name not in bpy.data.scenes:
+        raise ObscuranceError(f"there is no scene '{name}': choose one of {named(bpy.data.scenes.keys())} (--scene)")
+    context.window.scene = bpy.data.scenes[name]
+
+
 def _objects(context, options: argparse.Namespace) -> list:
     """The objects named, or all that render; over a range of frames, also those that may render later."""
     from ..blender.animation import objects_over_time
@@ -256,7 +271,11 @@ def _objects(context, options: argparse.Namespace) -> list:
         return rendered_meshes(context) if options.frames is None else objects_over_time(context)
     missing = [name for name in names if name not in context.view_layer.objects]
     if missing:
-        raise ObscuranceError(f"the view layer has no object named {', '.join(map(repr, missing))}: check --objects")
+        present = named(ob.name for ob in context.view_layer.objects) or "none"
+        raise ObscuranceError(
+            f"scene '{context.scene.name}' has no object named {named(missing)} that is not excluded: check --objects "
+            f"and --scene; there are {present}"
+        )
     return [context.view_layer.objects[name] for name in names]
 
 

@@ -86,6 +86,24 @@ def test_output_gets_the_result_and_the_scene_stays(scene, tmp_path):
     assert [ob.name for ob in objects if FACE_LAYER in ob.data.attributes] == ["Floor", "Wall"]
 
 
+def test_a_scene_is_chosen_by_name(tmp_path, capsys):
+    """The other scene is baked, the file opens at the first one; an unknown name lists those there are."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.scene.name = "Menu"
+    game = bpy.data.scenes.new("Game")
+    ob = sheet("Floor", (0, 0, 0), (2, 0, 0), (0, 4, 0), 4)
+    bpy.context.scene.collection.objects.unlink(ob)
+    game.collection.objects.link(ob)
+    source, out = save(tmp_path / "scene.blend"), tmp_path / "out.blend"
+    assert run(source, "--output", out, "--rays", 4) == batch.FAILED
+    assert "meshes in other scenes: 'Game'" in capsys.readouterr().err
+    assert run(source, "--output", out, "--rays", 4, "--scene", "Gmae") == batch.FAILED
+    assert "no scene 'Gmae': choose one of 'Game', 'Menu'" in capsys.readouterr().err
+    assert run(source, "--output", out, "--rays", 4, "--scene", "Game") == batch.DONE
+    assert FACE_LAYER in load(out)["Floor"].data.attributes
+    assert bpy.context.scene.name == "Menu"
+
+
 def test_without_output_the_scene_is_saved_in_place(scene, tmp_path):
     """No backup, no rest."""
     assert run(scene) == 0
@@ -501,13 +519,13 @@ def test_an_unexpected_error_in_one_file_does_not_stop_the_others(scene, tmp_pat
 
 
 def test_objects_that_are_not_there_are_named(scene, tmp_path, capsys):
-    """With the option to check; the file is not written."""
+    """With the option to check, and those that are there; the file is not written."""
     before = folder_state(tmp_path)
     assert run(scene, "--objects", "Floor", "Roof") == 1
     told = capsys.readouterr().err
-    assert "'Roof'" in told
+    assert "no object named 'Roof'" in told
     assert "--objects" in told
-    assert "'Floor'" not in told
+    assert "there are 'Floor', 'Wall'" in told
     assert folder_state(tmp_path) == before
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import bpy
 
 from ...core.errors import ObscuranceError
-from ..reading import names_of
+from ...core.notes import named
 from .cache_index import FrameCacheError
 from .frame_cache import FrameCache
 
@@ -52,7 +52,9 @@ class CachePlayback:
                 raise
             changed, missing = self._cache.show(scene.frame_current)  # it was baked again meanwhile
         if missing:
-            self._tell(f"the frame cache has values for {names_of(missing)}, which the scene has not")
+            self._tell(
+                f"the frame cache has values for {named(missing)}, which the scene does not have: bake the frames again"
+            )
         return f"Frame {scene.frame_current} from the cache, {len(changed)} objects changed"
 
     def forget_shown(self) -> None:

@@ -21,6 +21,7 @@ import numpy as np
 
 from ...core.errors import ObscuranceError
 from ...core.light import Quantity
+from ...core.notes import Notes
 from ...core.order import (
     BakedObject,
     Followed,
@@ -123,8 +124,9 @@ class FrameUpdater:
         if output.target is Target.LIGHTMAP:
             raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
         self._settings, self._output, self._ceiling, self._mode = settings, output, ceiling_bytes, mode
-        self.notes: list[str] = []
-        writable = writable_objects(objects, self.notes)
+        refused = Notes()
+        writable = writable_objects(context, objects, refused)
+        self.notes = refused.lines()
         check_destination(writable, output, None)
         self.wanted = {ob.session_uid for ob in writable}
         self._in_child = in_child

@@ -21,11 +21,11 @@ import bpy
 
 from ...core.errors import ObscuranceError
 from ...core.light import LightSettings
+from ...core.notes import Notes, named
 from ...core.order import OutputSettings, Run, SharedMeshes, Target
 from ...core.settings import BakeSettings
 from ...core.updates import UpdateMode
 from ..jobs import commit_count, is_baking
-from ..reading import names_of
 from ..stored_preferences import ADDON
 from ..writing import keeps_what_is_written, separate
 from . import status_line
@@ -98,10 +98,10 @@ class LivePreview:
         """Give each object that is followed a mesh of its own, within the undo step of who switches the preview on."""
         output = scene.obscurance.to_output()
         if scene == bpy.context.scene and output.shared_meshes is SharedMeshes.SEPARATE and not _in_edit_mode():
-            notes: list[str] = []
+            notes = Notes()
             followed = preview_objects(bpy.context, output.attribute_name)
             separate([ob for ob in followed if keeps_what_is_written(ob.data)], [], notes)
-            for note in notes:
+            for note in notes.lines():
                 self._tell_once(note)
 
     def on_frame(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
@@ -312,7 +312,7 @@ class LivePreview:
     def _tell(self, report: FrameReport) -> None:
         if report.shared and bpy.context.scene.obscurance.shared_meshes == SharedMeshes.SEPARATE:
             self._tell_once(
-                f"these share a mesh, so they show the mean of their values: {names_of(report.shared)}; switch Live "
+                f"these share a mesh, so they show the mean of their values: {named(report.shared)}; switch Live "
                 "Preview off and on to give each a mesh of its own"
             )
         if report.full and isinstance(self._updater, FrameUpdater):

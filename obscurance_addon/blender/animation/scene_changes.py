@@ -24,6 +24,7 @@ from dataclasses import fields, replace
 import bpy
 import numpy as np
 
+from ...core.notes import Notes
 from ...core.order import BakedObject, Change, MeshArrays, ObjectSnapshot, SceneSnapshot, shade
 from ...core.scene import same_numbers
 from ..materials import PixelWatch
@@ -98,8 +99,8 @@ class SceneChanges:
         """
         self._all |= depsgraph.mode != self._mode
         self._all |= looks_at_pixels and self._pixels.changed()
-        self._mode, self.notes = depsgraph.mode, []
-        reader = SceneReader(context, depsgraph, self.notes, self._wanted, self._baked_layers, self._needs_rest)
+        self._mode, notes = depsgraph.mode, Notes()
+        reader = SceneReader(context, depsgraph, notes, self._wanted, self._baked_layers, self._needs_rest)
         now: dict[Hashable, Change] = {}
         changed: dict[Hashable, Change | None] = {}
         for instance in depsgraph.object_instances:
@@ -113,6 +114,7 @@ class SceneChanges:
                 changed[key] = new
         changed.update({key: None for key in self.known if key not in now})
         self.known = now
+        self.notes = notes.lines()
         self._pixels.add(reader.images)
         self._evaluated.clear()
         self._shaded.clear()

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import bpy
 
 from ...core.errors import ObscuranceError
+from ...core.notes import Notes
 from ...core.order import OutputSettings, Target
 from ..marks import BAKED_LIGHT
 from ..writing import indirect_exposure, is_color, is_own_color, lightmap_of
@@ -81,7 +82,7 @@ def add_ambient(objects: Iterable[bpy.types.Object], output: OutputSettings) -> 
         When no object has such an attribute or lightmap.
     """
     baked = _what_is_baked(objects, output)
-    changed, shown, notes = False, [], []
+    changed, shown, notes = False, [], Notes()
     chosen: dict[bpy.types.Material, _Baked] = {}
     locked: set[str] = set()
     shared: set[str] = set()
@@ -96,7 +97,7 @@ def add_ambient(objects: Iterable[bpy.types.Object], output: OutputSettings) -> 
                 shared.add(material.name)
         if shows_ambient(ob):
             shown.append(ob.name)
-    return AmbientChange(shown, changed, [*notes, *about_linked(locked, _WHAT), *about_shared(shared)])
+    return AmbientChange(shown, changed, [*notes.lines(), *about_linked(locked, _WHAT), *about_shared(shared)])
 
 
 def remove_ambient(objects: Iterable[bpy.types.Object]) -> AmbientChange:

@@ -10,11 +10,13 @@ from collections.abc import Callable, Collection
 import bpy
 import numpy as np
 
+from ...core.notes import Notes, named
 from ...core.shading import DEFAULT_REFLECTANCE
 from ..materials import node_tree_of
 from ..writing import keeps_what_is_written
 
 SHOWN = "obscurance_shown"  # on materials with which the viewport shows a lightmap, and on the nodes added for it
+MAKE_LOCAL = "make the mesh local (Object > Relations > Make Local > Selected Objects and Data)"
 
 _STANDS_FOR = "obscurance_stands_for"  # on a stand-in: the material that it replaces, or what was there instead of one
 _EMPTY_SLOT, _NO_SLOT = "empty slot", "no slot"
@@ -26,7 +28,7 @@ def is_stand_in(material: bpy.types.Material) -> bool:
     return _STANDS_FOR in material
 
 
-def fill_slots(ob: bpy.types.Object, what: str, notes: list[str]) -> bool:
+def fill_slots(ob: bpy.types.Object, what: str, notes: Notes) -> bool:
     """Give stand-ins to slots whose surface has no nodes; whether there were any.
 
     Parameters
@@ -34,8 +36,8 @@ def fill_slots(ob: bpy.types.Object, what: str, notes: list[str]) -> bool:
     ob : bpy.types.Object
     what : str
         What the slots shall show, for the notes.
-    notes : list of str
-        Gets a line for each slot that cannot be changed.
+    notes : Notes
+        Hears of objects with a slot that cannot be changed.
     """
     if not ob.material_slots:
         if not keeps_what_is_written(ob.data):
@@ -49,7 +51,7 @@ def fill_slots(ob: bpy.types.Object, what: str, notes: list[str]) -> bool:
             slot.material = stand_in
             changed = True
             if slot.material != stand_in:
-                notes.append(f"object '{ob.name}': a material slot is linked and cannot show {what}")
+                notes.add(f"material slots are linked and cannot show {what}", ob.name, cure=MAKE_LOCAL)
     return changed
 
 
@@ -78,8 +80,8 @@ def about_linked(names: Collection[str], what: str) -> list[str]:
     if not names:
         return []
     return [
-        f"linked from a library, so they cannot show {what}: {', '.join(map(repr, sorted(names)))}; make these "
-        "materials local (Object > Relations > Make Local)"
+        f"linked from a library, so they cannot show {what}: {named(names)}; make these materials local (Object > "
+        "Relations > Make Local)"
     ]
 
 
@@ -88,8 +90,8 @@ def about_shared(names: Collection[str]) -> list[str]:
     if not names:
         return []
     return [
-        f"shared by objects whose results differ, so they show that of the first: {', '.join(map(repr, sorted(names)))}"
-        "; give each object its own (Object > Relations > Make Single User)"
+        f"shared by objects whose results differ, so they show that of the first: {named(names)}; give each object "
+        "its own (Object > Relations > Make Single User)"
     ]
 
 

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field
 
 import bpy
 
+from ...core.notes import Notes
 from ...core.order import OutputSettings, Target
 from ..materials import node_tree_of
 from ..writing import color_attribute, lightmap_of
 from .ambient_nodes import has_ambient
-from .stand_ins import SHOWN, about_linked, about_shared, empty_slots, fill_slots, remove_unused
+from .stand_ins import MAKE_LOCAL, SHOWN, about_linked, about_shared, empty_slots, fill_slots, remove_unused
 
 _COLORS = {"type": "SOLID", "light": "FLAT", "color_type": "VERTEX"}
 _TEXTURES = _COLORS | {"color_type": "TEXTURE"}
@@ -118,7 +119,7 @@ def _activate_colors(meshes: Iterable[bpy.types.Mesh], output: OutputSettings) -
 
 def _activate_lightmaps(objects: list[bpy.types.Object], name: str) -> ShownResult:
     shown, changed = 0, False
-    notes: list[str] = []
+    notes = Notes()
     images: dict[bpy.types.Material, bpy.types.Image] = {}
     locked: set[str] = set()
     shared: set[str] = set()
@@ -129,7 +130,7 @@ def _activate_lightmaps(objects: list[bpy.types.Object], name: str) -> ShownResu
         image, uv_map = lightmap
         other_map = ob.data.uv_layers.active.name != uv_map
         if other_map and not color_attribute.keeps_what_is_written(ob.data):
-            notes.append(f"object '{ob.name}': its mesh is linked, with another UV map active than '{uv_map}'")
+            notes.add(f"their mesh is linked, with another UV map active than '{uv_map}'", ob.name, cure=MAKE_LOCAL)
             continue
         changed |= fill_slots(ob, "the lightmap", notes)
         for material in {slot.material for slot in ob.material_slots if slot.material}:
@@ -148,7 +149,7 @@ def _activate_lightmaps(objects: list[bpy.types.Object], name: str) -> ShownResu
             ob.data[_BEFORE] = ob.data.get(_BEFORE, ob.data.uv_layers.active.name)
             ob.data.uv_layers.active = ob.data.uv_layers[uv_map]
             changed = True
-    return ShownResult(shown, changed, [*notes, *about_linked(locked, "the lightmap"), *about_shared(shared)])
+    return ShownResult(shown, changed, [*notes.lines(), *about_linked(locked, "the lightmap"), *about_shared(shared)])
 
 
 def _show_in(material: bpy.types.Material, image: bpy.types.Image) -> bool:

@@ -21,6 +21,7 @@ import bpy
 from ...core.errors import BakeCancelledError, ObscuranceError, SettingsError
 from ...core.light import LightSettings, Quantity
 from ...core.lightmap import LightmapSettings, UvMode
+from ...core.notes import Notes, named
 from ...core.order import (
     BakeOrder,
     BakeReport,
@@ -34,7 +35,7 @@ from ...core.order import (
 )
 from ...core.settings import BakeSettings
 from ...core.tracing import IntersectorCache
-from ..reading import snapshot_scene
+from ..reading import Reason, note_refused, nothing_to_bake, shape_reason, snapshot_scene
 from ..stored_preferences import cache_ceiling_bytes
 from ..writing import check_path, color_attribute, records, uv_layer, write_lightmap, write_values
 
@@ -42,6 +43,9 @@ TRACERS = IntersectorCache()  # while a user tries settings, the geometry stays
 CHILD = KeptChild()  # of all windows: one bake runs at a time
 _OPEN: weakref.WeakSet[BakeJob] = weakref.WeakSet()  # jobs that still may write
 _committed = 0
+_LINKED = Reason(
+    "linked from a library", "make the mesh local (Object > Relations > Make Local > Selected Objects and Data)"
+)
 
 
 def commit_count() -> int:
@@ -98,8 +102,8 @@ class BakeJob:
         lightmap = (lightmap or LightmapSettings()) if to_lightmap else None
         if light.quantity is Quantity.RADIOSITY and output.target not in {Target.FACE, Target.LIGHTMAP}:
             raise SettingsError("radiosity is computed for whole faces: use target FACE, or bake COMBINED")
-        self._warnings: list[str] = []
-        writable = writable_objects(objects, self._warnings)
+        refused = Notes()
+        writable = writable_objects(context, objects, refused)
         check_destination(writable, output, lightmap)
         self.snapshot = snapshot = snapshot_scene(
             context,
@@ -111,7 +115,7 @@ class BakeJob:
             depsgraph=depsgraph,
         )
         self._metres_per_unit = context.scene.unit_settings.scale_length
-        self._warnings += snapshot.notes
+        self._warnings = refused.lines() + snapshot.notes
         self.order = BakeOrder(snapshot, settings, light, output, lightmap, self._metres_per_unit)
         self._extract_seconds = time.perf_counter() - began
         self._in_child = in_child
@@ -228,27 +232,31 @@ def check_destination(
         check_path(output.image_path, output.image_format)
 
 
-def writable_objects(objects: Iterable[bpy.types.Object], warnings: list[str]) -> list[bpy.types.Object]:
-    """Mesh objects whose mesh can be written; the others are named in a warning."""
+def writable_objects(
+    context: bpy.types.Context, objects: Iterable[bpy.types.Object], notes: Notes
+) -> list[bpy.types.Object]:
+    """Mesh objects with faces that can be written, seen or not; the others are named in notes.
+
+    Raises
+    ------
+    ObscuranceError
+        When there is none, or one is in Edit Mode.
+    """
     objects = list(objects)
-    others = [ob.name for ob in objects if ob.type != "MESH"]
-    if others:
-        warnings.append(f"not a mesh, so nothing was baked onto: {', '.join(map(repr, others))}")
-    meshes = [ob for ob in objects if ob.type == "MESH"]
-    edited = [ob.name for ob in meshes if ob.data.is_editmode]
+    edited = [ob.name for ob in objects if ob.type == "MESH" and ob.data.is_editmode]
     if edited:
-        raise ObscuranceError(f"in Edit Mode, where a mesh cannot be read: {', '.join(map(repr, edited))}; leave it")
-    linked = [ob.name for ob in meshes if not color_attribute.keeps_what_is_written(ob.data)]
-    if linked:
-        warnings.append(
-            f"linked from a library, so their mesh cannot be written: {', '.join(map(repr, linked))}; make the mesh "
-            "local (Object > Relations > Make Local) to bake onto it"
-        )
-    writable = [ob for ob in meshes if color_attribute.keeps_what_is_written(ob.data)]
-    empty = [ob.name for ob in writable if not len(ob.data.polygons)]
-    if empty:
-        warnings.append(f"without faces, so nothing was baked onto: {', '.join(map(repr, empty))}")
-    writable = [ob for ob in writable if len(ob.data.polygons)]
+        raise ObscuranceError(f"in Edit Mode, where a mesh cannot be read: {named(edited)}; leave it (Tab)")
+    reasons = [(ob, _unwritable_reason(ob)) for ob in objects]
+    writable = [ob for ob, reason in reasons if reason is None]
+    refused = [(ob, reason) for ob, reason in reasons if reason is not None]
     if not writable:
-        raise ObscuranceError("; ".join(["there is nothing to bake: no mesh object with faces", *warnings]))
+        raise nothing_to_bake(context, refused)
+    note_refused(refused, notes)
     return writable
+
+
+def _unwritable_reason(ob: bpy.types.Object) -> Reason | None:
+    """Why no values can be written onto an object, None when they can."""
+    if ob.type == "MESH" and not color_attribute.keeps_what_is_written(ob.data):
+        return _LINKED
+    return shape_reason(ob)

@@ -11,6 +11,12 @@ from ..marks import MADE_HERE
 from .nodes import MAX_DEPTH, NothingLinkedError, Output, Reader, UnreadableNodeError
 from .textures import is_linear
 
+_FIND = "find it (File > External Data > Find Missing Files), or unlink it"
+_LOAD = "go to the frame to bake with"
+_CHOOSE = "choose sRGB or a linear color space"
+_ONE_TILE = "use one image for each material, or expect the mean"
+_LINK_UV = "link a UV map to the image's Vector, through Mapping at most, or expect the mean"
+
 
 def image_sample(reader: Reader, output: Output) -> Expression:
     """Colour or alpha of an Image Texture node; white where the image is a lightmap that a bake made.
@@ -24,25 +30,26 @@ def image_sample(reader: Reader, output: Output) -> Expression:
     """
     node, image = output.node, output.node.image
     if image is None:
-        raise UnreadableNodeError(f"{output.label} has no image")
+        raise UnreadableNodeError(f"{output.label} has no image", "choose an image in it, or unlink it")
     if MADE_HERE in image:
         return Constant((1.0,))
     texture = reader.images.texture(image, node.outputs["Alpha"].is_linked)
     if texture is None:
-        raise UnreadableNodeError(f"image '{image.name}' of {output.label} is missing or empty")
+        raise UnreadableNodeError("image missing or empty", _FIND, image.name)
     projection = None
     if image.source == "TILED" and len(image.tiles) > 1:
-        reader.note(f"image '{image.name}' has several tiles, the mean of its first tile is used")
+        reader.note("image with several tiles, so the mean of its first one is used", image.name, cure=_ONE_TILE)
     else:
         try:
             name, matrix = _coordinates(reader, output)
             projection = UVProjection(name, matrix[:2, [0, 1, 3]])
         except UnreadableNodeError as problem:
-            reader.note(f"{problem}, the mean of image '{image.name}' is used")
+            reader.note(f"{problem}, so the mean of the image is used", image.name, cure=_LINK_UV)
     if image.source in {"SEQUENCE", "MOVIE"}:
-        reader.note(f"image '{image.name}' is animated, the frame that is loaded is used")
+        reader.note("animated image, of which the frame that is loaded is used", image.name, cure=_LOAD)
     if not is_linear(image) and image.colorspace_settings.name != "sRGB":
-        reader.note(f"colour space {image.colorspace_settings.name} of image '{image.name}' is taken as sRGB")
+        space = image.colorspace_settings.name
+        reader.note(f"color space {space} of an image is taken as sRGB", image.name, cure=_CHOOSE)
     closest = node.interpolation == "Closest"
     return ImageSample(texture, projection, node.extension, closest, output.socket.identifier == "Alpha")
 
@@ -73,7 +80,7 @@ def _coordinates(reader: Reader, output: Output) -> tuple[str, np.ndarray]:
         if behind is None:
             return _uv_name(origin), matrix
         target = behind
-    raise UnreadableNodeError(f"coordinates of {output.label} come through too many nodes")
+    raise UnreadableNodeError("coordinates come through too many nodes")
 
 
 def _uv_name(output: Output) -> str:
@@ -92,7 +99,7 @@ def _mapping_matrix(reader: Reader, output: Output) -> np.ndarray:
     kind = output.node.vector_type
     inputs = reader.values(output, "Location", "Rotation", "Scale")
     if kind == "NORMAL" or not all(isinstance(value, Constant) for value in inputs):
-        raise UnreadableNodeError(f"{output.label} is of type Normal or has varying inputs")
+        raise UnreadableNodeError(f"{output.label} has the type Normal, or inputs that vary")
     location, angles, scale = (np.broadcast_to(np.array(value.values, np.float64), 3) for value in inputs)
     rotation = np.eye(3)
     for axis, angle in enumerate(angles):

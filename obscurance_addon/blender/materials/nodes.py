@@ -17,7 +17,14 @@ NUMBERS = {"VALUE", "INT", "BOOLEAN"}
 
 
 class UnreadableNodeError(Exception):
-    """A node has no value per face."""
+    """A node has no value that holds for a point of a surface, whatever looks at it.
+
+    `cure` is for the user, or ''; `image` names the image whose fault it is, if it is one's.
+    """
+
+    def __init__(self, problem: str = "", cure: str = "", image: str | None = None) -> None:
+        super().__init__(problem)
+        self.cure, self.image = cure, image
 
 
 class NothingLinkedError(UnreadableNodeError):
@@ -146,8 +153,8 @@ class Reader(Protocol):
 
     images: ImageCache
 
-    def note(self, problem: str) -> None:
-        """Remember a problem, once."""
+    def note(self, problem: str, *images: str, cure: str = ...) -> None:
+        """Remember a problem, once: of these images, or of the tree."""
         ...
 
     def value(self, output: Output, identifier: str) -> Expression:
@@ -174,8 +181,9 @@ def node_tree_of(material: bpy.types.Material) -> bpy.types.NodeTree | None:
 
 
 def label(node: bpy.types.Node) -> str:
-    """The node's name for messages, with its kind if the name does not say it."""
-    return f"node '{node.name}'" if node.name == node.bl_label else f"node '{node.name}' ({node.bl_label})"
+    """A node's kind for messages, or its group: what nodes of many materials have in common."""
+    tree = getattr(node, "node_tree", None)
+    return f"node group '{tree.name}'" if tree is not None else f"node '{node.bl_label}'"
 
 
 def _socket(sockets: bpy.types.bpy_prop_collection, identifier: str) -> bpy.types.NodeSocket | None:

@@ -10,25 +10,22 @@ from __future__ import annotations
 
 import bpy
 
+from ...core.notes import Notes
 from ...core.shading import DEFAULT_REFLECTANCE, Constant, Shading
 from .nodes import Input, node_tree_of
 from .textures import ImageCache
 from .tree_reader import TreeReader
 
-NOTE_LIMIT = 6
 
-
-def snapshot_material(
-    material: bpy.types.Material | None, notes: list[str], images: ImageCache | None = None
-) -> Shading:
+def snapshot_material(material: bpy.types.Material | None, notes: Notes, images: ImageCache | None = None) -> Shading:
     """Read a material into a form that any thread may evaluate. Main thread only.
 
     Parameters
     ----------
     material : bpy.types.Material or None
         Original or evaluated. None, as of an empty slot, gives Cycles' default grey.
-    notes : list of str
-        Gets at most one line per material, about what could not be read and what was assumed instead.
+    notes : Notes
+        Hears what could not be read and what was assumed instead.
     images : ImageCache, optional
         Share one among all materials of a bake, so that each image is read once.
 
@@ -45,11 +42,8 @@ def snapshot_material(
     end = tree.get_output_node("CYCLES")
     if end is None:
         shading = Shading()
-        reader.note("there is no Material Output node, taken as black")
+        reader.note("there is no Material Output node, so the surface counts as black", cure="add one")
     else:
         shading = reader.surface_at(Input(end.inputs["Surface"], None))
-    if reader.problems:
-        shown = "; ".join(reader.problems[:NOTE_LIMIT])
-        more = len(reader.problems) - NOTE_LIMIT
-        notes.append(f"Material '{material.name}': {shown}" + (f"; and {more} more" if more > 0 else ""))
+    reader.tell(notes, "in materials", material.name)
     return shading

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 import bpy
 import numpy as np
 
-from ...core.shading import NO_TRIANGLES, Shading, SurfaceArrays
+from ...core.shading import MAX_EMISSION, NO_TRIANGLES, Shading, SurfaceArrays, tame
 
+_FAR = 2.0**30  # of coordinates: of larger ones, products are not finite in float32
 # Field and width of the attributes that can be read as colours.
 ATTRIBUTE_READERS = {
     "FLOAT_COLOR": ("color", 4),
@@ -69,15 +70,14 @@ def _triangle_areas(mesh: bpy.types.Mesh, vertices: np.ndarray) -> np.ndarray:
     position = np.empty(len(mesh.vertices) * 3, np.float32)
     if len(position):
         mesh.attributes["position"].data.foreach_get("vector", position)
-    a, b, c = np.moveaxis(position.reshape(-1, 3)[vertices], 1, 0)
-    with np.errstate(invalid="ignore", over="ignore"):
-        return (0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)).astype(np.float32)
+    a, b, c = np.moveaxis(tame(position.reshape(-1, 3), _FAR)[vertices], 1, 0)
+    return (0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)).astype(np.float32)
 
 
 def _read_uv(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
     uv = np.empty(len(mesh.loops) * 2, np.float32)
     mesh.uv_layers[name].uv.foreach_get("vector", uv)
-    return uv.reshape(-1, 2)
+    return tame(uv.reshape(-1, 2), _FAR)
 
 
 def _read_colors(mesh: bpy.types.Mesh, names: set[str]) -> Iterator[tuple[str, tuple[str, np.ndarray]]]:
@@ -88,6 +88,6 @@ def _read_colors(mesh: bpy.types.Mesh, names: set[str]) -> Iterator[tuple[str, t
         field_name, width = ATTRIBUTE_READERS[attribute.data_type]
         values = np.empty(len(attribute.data) * width, np.float32)
         attribute.data.foreach_get(field_name, values)
-        values = values.reshape(-1, width)
+        values = tame(values.reshape(-1, width), MAX_EMISSION)
         color = np.ascontiguousarray(values[:, :3]) if width > 1 else values.repeat(3, axis=1)
         yield name, (attribute.domain, color)

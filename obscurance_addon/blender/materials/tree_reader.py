@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from ...core.notes import Notes
 from ...core.shading import BLACK, DEFAULT_REFLECTANCE, Constant, Expression, Shading, apply, luminance, mean
 from .nodes import MAX_DEPTH, NUMBERS, Input, NothingLinkedError, Output, UnreadableNodeError
 from .shaders import SHADER_NODES
 from .textures import ImageCache
 from .values import VALUE_NODES
+
+SET_MEAN = "set that value to the mean of what you see, or bake the nodes into an image"
+_REPLACE = "link a shader that is built in, such as Principled BSDF or Emission"
+_SIMPLIFY = "shorten the tree"
 
 
 class TreeReader:
@@ -21,20 +26,24 @@ class TreeReader:
 
     Attributes
     ----------
-    problems : list of str
-        What could not be read and what was assumed instead.
+    problems : Notes
+        What could not be read and what was assumed instead: of the images that are named, or of the whole tree.
     """
 
     def __init__(self, images: ImageCache) -> None:
         self.images = images
-        self.problems: list[str] = []
+        self.problems = Notes()
         self._known: dict[tuple, Expression | Shading] = {}
         self._open: set[tuple] = set()
 
-    def note(self, problem: str) -> None:
-        """Remember a problem, once."""
-        if problem not in self.problems:
-            self.problems.append(problem)
+    def note(self, problem: str, *images: str, cure: str = SET_MEAN) -> None:
+        """Remember a problem, once: of these images, or of the tree."""
+        self.problems.add(problem, *images, cure=cure)
+
+    def tell(self, notes: Notes, where: str, name: str, cure_all: str = "") -> None:
+        """Hand on all problems; those of the tree as of a thing of this name; `cure_all` instead of each one's cure."""
+        for what, names, cure in self.problems:
+            notes.add(what if names else f"{what}, {where}", *(names or (name,)), cure=cure_all or cure)
 
     def value(self, output: Output, identifier: str) -> Expression:
         """What one input of the output's node receives, in that input's own type."""
@@ -60,8 +69,7 @@ class TreeReader:
                 raise
             own = target.own_value()
             if not isinstance(problem, NothingLinkedError):
-                shown = ", ".join(f"{number:.3g}" for number in own.values)
-                self.note(f"{problem}, {target.label} keeps its own value ({shown})")
+                self._note_unreadable(problem, "the sockets that it feeds keep their own value")
             return own
 
     def surface_at(self, target: Input) -> Shading:
@@ -72,8 +80,12 @@ class TreeReader:
         except NothingLinkedError:
             return Shading()
         except UnreadableNodeError as problem:
-            self.note(f"{problem}, {target.label} is taken as black")
+            self._note_unreadable(problem, "what it feeds counts as black")
             return Shading()
+
+    def _note_unreadable(self, problem: UnreadableNodeError, instead: str) -> None:
+        names = () if problem.image is None else (problem.image,)
+        self.note(f"{problem}, so {instead}", *names, cure=problem.cure or SET_MEAN)
 
     def _value_of(self, output: Output) -> Expression:
         with self._entered(output) as key:
@@ -84,7 +96,7 @@ class TreeReader:
                 elif output.node.bl_idname in VALUE_NODES:
                     self._known[key] = VALUE_NODES[output.node.bl_idname](self, output)
                 else:
-                    raise UnreadableNodeError(f"{output.label} has no value per face")
+                    raise UnreadableNodeError(f"{output.label} cannot be followed")
             return self._known[key]
 
     def _surface_of(self, output: Output) -> Shading:
@@ -99,7 +111,9 @@ class TreeReader:
                 elif output.node.bl_idname in SHADER_NODES:
                     self._known[key] = SHADER_NODES[output.node.bl_idname](self, output)
                 else:
-                    self.note(f"{output.label} is not understood, taken as {DEFAULT_REFLECTANCE} grey")
+                    self.note(
+                        f"{output.label} is not understood, so it counts as {DEFAULT_REFLECTANCE} grey", cure=_REPLACE
+                    )
                     self._known[key] = Shading(Constant((DEFAULT_REFLECTANCE,)))
             return self._known[key]
 
@@ -107,7 +121,7 @@ class TreeReader:
     def _entered(self, output: Output) -> Iterator[tuple]:
         key = output.key()
         if key in self._open or len(self._open) >= MAX_DEPTH:
-            raise UnreadableNodeError(f"{output.label} is in a loop or more than {MAX_DEPTH} nodes deep")
+            raise UnreadableNodeError(f"{output.label} is in a loop, or more than {MAX_DEPTH} nodes deep", _SIMPLIFY)
         self._open.add(key)
         try:
             yield key

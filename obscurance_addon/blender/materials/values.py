@@ -56,7 +56,10 @@ def _blended(
 ) -> Expression:
     """Blend of the second and third input by the first; `clamps` says whether factor and result are clamped."""
     if mode not in arithmetic.BLENDS:
-        reader.note(f"blend type {mode} of {output.label} is not understood, its first colour is used")
+        reader.note(
+            f"blend type {mode} of {output.label} is not understood, so its first color is used",
+            cure="choose another blend type",
+        )
         return reader.value(output, inputs[1])
     factor, a, b = reader.values(output, *inputs)
     mixed = apply(partial(arithmetic.blend, mode), apply(arithmetic.saturate, factor) if clamps[0] else factor, a, b)

@@ -3,9 +3,10 @@
 In go a context and the objects to bake. Out comes a snapshot of plain arrays, with notes about what was left out.
 """
 
+from .left_out import Reason, note_refused, nothing_to_bake, shape_reason
 from .meshes import read_attribute, read_face_start, same_faces
 from .object_mode import ObjectModeGuard, in_object_mode
-from .objects import SOLID_TYPES, SceneReader, instance_key, materials_of, names_of
+from .objects import SOLID_TYPES, SceneReader, instance_key, materials_of
 from .scene import snapshot_scene
 from .ties import tie
 from .visibility import rendered_meshes
@@ -13,15 +14,18 @@ from .visibility import rendered_meshes
 __all__ = [
     "SOLID_TYPES",
     "ObjectModeGuard",
+    "Reason",
     "SceneReader",
     "in_object_mode",
     "instance_key",
     "materials_of",
-    "names_of",
+    "note_refused",
+    "nothing_to_bake",
     "read_attribute",
     "read_face_start",
     "rendered_meshes",
     "same_faces",
+    "shape_reason",
     "snapshot_scene",
     "tie",
 ]

@@ -16,10 +16,14 @@ import bpy
 import numpy as np
 
 from ...core.light import AreaLamp, Lamp, PointLamp, SpotCone, SunLamp
+from ...core.notes import Notes
 from ...core.shading import MAX_EMISSION, Shading
 from ..materials import ImageCache, Input, Output, TreeReader, UnreadableNodeError
 
 _LEAST_SPREAD = 1e-3  # radians
+_GIVE_POWER = "give them power and size, and tick Ray Visibility > Diffuse, or remove them"
+_UNLINK = "clear Object Properties > Shading > Light Linking, or expect the difference"
+_PLAIN = "give its Background node a plain color: the mean of what you see"
 
 
 @dataclass
@@ -28,11 +32,11 @@ class LightReader:
 
     Attributes
     ----------
-    notes : list of str
+    notes : Notes
     lamps : list of Lamp
     """
 
-    notes: list[str]
+    notes: Notes
     lamps: list[Lamp] = field(default_factory=list)
     _animated: set[str] = field(default_factory=set)
     _dark: set[str] = field(default_factory=set)
@@ -48,11 +52,14 @@ class LightReader:
             return
         colour = self._colour(light)
         if not (np.isfinite(colour).all() and np.isfinite(matrix).all()):
-            self._note(f"light '{name}' has a power or a place that is no finite number: it was left out")
+            self.notes.add("lights whose power or place is no finite number, so left out", name, cure="correct it")
             return
         if (colour < 0.0).any():
-            self._note(f"light '{name}' has negative power, which cannot be baked: it was left out")
+            self.notes.add(
+                "lights with negative power, which cannot be baked, so left out", name, cure="make it positive"
+            )
             return
+        colour = np.minimum(colour, MAX_EMISSION)
         lamp = _MAKERS[light.type](light, name, matrix, colour) if colour.any() and ob.visible_diffuse else None
         if lamp is None:
             self._dark.add(name)
@@ -65,19 +72,15 @@ class LightReader:
         if linking is not None and (linking.receiver_collection or linking.blocker_collection):
             self._linked.add(ob.name)
 
-    def _note(self, text: str) -> None:
-        if text not in self.notes:  # instances say the same
-            self.notes.append(text)
-
-    def finish(self, frame: int) -> None:
+    def finish(self) -> None:
         """Say what a user may not expect."""
-        for names, text in (
-            (self._dark, "lights without power, size or diffuse light, so they light nothing"),
-            (self._animated, f"animated lights, baked as they are at frame {frame}"),
-            (self._linked, "light linking is not supported, so these light, and shade, everything"),
+        for names, text, cure in (
+            (self._dark, "lights without power, size or diffuse light, so they light nothing", _GIVE_POWER),
+            (self._animated, "animated lights, baked as they are at this frame", "bake others with --frames"),
+            (self._linked, "light linking is not supported, so these light, and shade, everything", _UNLINK),
         ):
             if names:
-                self.notes.append(f"{text}: {', '.join(repr(name) for name in sorted(names))}")
+                self.notes.add(text, *names, cure=cure)
 
     def _colour(self, light: bpy.types.Light) -> np.ndarray:
         """Power or strength per channel, (3,) float64."""
@@ -95,13 +98,13 @@ class LightReader:
         reader = TreeReader(ImageCache())
         end = light.node_tree.get_output_node("CYCLES")
         shading = reader.surface_at(Input(end.inputs["Surface"], None)) if end else Shading()
-        if reader.problems or shading.varies():
-            problems = "; ".join(reader.problems) or "its nodes use a texture"
-            self._note(f"light '{light.name}': {problems}")
+        if shading.varies():
+            reader.note("nodes use a texture, so they count as white", cure="set a color without a texture")
+        reader.tell(self.notes, "in lights", light.name, "set a plain color and strength in their nodes")
         return np.ones(3) * (1.0 if shading.varies() else shading.radiance.at(None)[0, 0])
 
 
-def read_world(world: bpy.types.World | None, notes: list[str]) -> np.ndarray:
+def read_world(world: bpy.types.World | None, notes: Notes) -> np.ndarray:
     """Constant radiance of the world, (3,) float64 W/(m^2 sr)."""
     if world is None:
         return np.zeros(3)
@@ -112,22 +115,24 @@ def read_world(world: bpy.types.World | None, notes: list[str]) -> np.ndarray:
     if end is None:
         return np.zeros(3)
     if end.inputs["Volume"].is_linked:
-        notes.append(f"world '{world.name}' has a volume, which is not supported: it was left out")
+        notes.add(
+            "volumes of worlds are not supported, so left out", world.name, cure="unlink it, or expect less light"
+        )
     origin = _source(Input(end.inputs["Surface"], None))
     if origin is None:
         return np.zeros(3)
     if origin.node.bl_idname != "ShaderNodeBackground":
-        notes.append(f"world '{world.name}': only a Background node is understood, so it counts as black")
+        notes.add(
+            "only a Background node is understood in worlds, so this one counts as black", world.name, cure=_PLAIN
+        )
         return np.zeros(3)
     colour, strength = reader.values(origin, "Color", "Strength")
-    problems = list(reader.problems)
     radiance = np.zeros(3)
     if Shading(colour, strength).varies():
-        problems.append("textures have no constant colour, so it counts as black")
+        reader.note("textures are not understood, so the background counts as black", cure=_PLAIN)
     else:
         radiance = np.ones(3) * colour.at(None)[0, 0] * strength.at(None)[0, 0]
-    if problems:
-        notes.append(f"world '{world.name}': {'; '.join(problems)}")
+    reader.tell(notes, "in the world", world.name, _PLAIN)
     return np.clip(np.nan_to_num(radiance.astype(np.float64)), 0.0, MAX_EMISSION)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Iterable, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core.light import LightSources
 from ...core.lightmap import LightmapSettings, UvMode
+from ...core.notes import Notes
 from ...core.order import MeshArrays, ObjectSnapshot
 from ...core.shading import Shading, SurfaceArrays
 from ..materials import ImageCache, node_tree_of, read_surface, snapshot_material
@@ -19,6 +20,7 @@ from .meshes import read_mesh
 from .origins import EvaluatedMesh, carried_mesh, evaluated_mesh, may_change_topology
 from .visibility import rendered_members, rendered_objects
 
+_SHOW = "show them there, or hide them from renders too"
 SOLID_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 
 
@@ -31,7 +33,7 @@ class SceneReader:
         Whose scene and view layer are read.
     depsgraph : bpy.types.Depsgraph
         Evaluated; all that is read comes from it.
-    notes : list of str
+    notes : Notes
         Gets what the user should know.
     wanted : collection of int
         Session uids of the objects to bake, whose faces are followed through their modifiers.
@@ -47,7 +49,7 @@ class SceneReader:
         self,
         context: bpy.types.Context,
         depsgraph: bpy.types.Depsgraph,
-        notes: list[str],
+        notes: Notes,
         wanted: Collection[int] = (),
         baked_layers: Sequence[str] = (),
         needs_rest: bool = False,
@@ -151,19 +153,15 @@ class SceneReader:
         """Lights and world, once all instances are read."""
         if self._lights is None:
             return LightSources()
-        self._lights.finish(self._scene.frame_current)
+        self._lights.finish()
         self._note_volumes()
         return LightSources(tuple(self._lights.lamps), read_world(self._scene.world, self.notes))
 
     def _note_volumes(self) -> None:
         """Name objects that fill space with something, which is not modelled."""
-        volumes = {
-            ob.name
-            for ob in self._scene.collection.all_objects
-            if ob.session_uid in self._visible and (ob.type == "VOLUME" or any(map(_has_volume, ob.material_slots)))
-        }
-        if volumes:
-            self.notes.append(f"volumes are not supported, so these do not dim or scatter light: {names_of(volumes)}")
+        for ob in self._scene.collection.all_objects:
+            if ob.session_uid in self._visible and (ob.type == "VOLUME" or any(map(_has_volume, ob.material_slots))):
+                self.notes.add("volumes are not supported, so these do not dim or scatter light", ob.name)
 
     def _shading(self, material: bpy.types.Material | None) -> Shading:
         key = material.as_pointer() if material else 0
@@ -202,14 +200,13 @@ class SceneReader:
                 self._hidden.add(ob.name)
             elif ob.session_uid not in self._visible:
                 unseen.add(ob.name)
-        if self._hidden:
-            self.notes.append(f"hidden from renders, so they do not occlude: {names_of(self._hidden)}")
-        if dark:
-            self.notes.append(f"hidden in the viewport, so they do not light although they render: {names_of(dark)}")
-        if unseen:
-            self.notes.append(
-                f"hidden in the viewport, so they do not occlude although they render: {names_of(unseen)}"
-            )
+        for names, what, cure in (
+            (self._hidden, "hidden from renders, so they do not occlude", ""),
+            (dark, "hidden in the viewport, so they do not light although they render", _SHOW),
+            (unseen, "hidden in the viewport, so they do not occlude although they render", _SHOW),
+        ):
+            if names:
+                self.notes.add(what, *names, cure=cure)
 
 
 def instance_key(instance: bpy.types.DepsgraphObjectInstance) -> Hashable:
@@ -236,9 +233,3 @@ def _has_volume(slot: bpy.types.MaterialSlot) -> bool:
     tree = node_tree_of(slot.material) if slot.material else None
     end = tree.get_output_node("CYCLES") if tree else None
     return end is not None and end.inputs["Volume"].is_linked
-
-
-def names_of(names: Iterable[str], most: int = 12) -> str:
-    names = sorted(names)
-    listed = ", ".join(f"'{name}'" for name in names[:most])
-    return listed if len(names) <= most else f"{listed} and {len(names) - most} more"

@@ -9,11 +9,13 @@ from collections.abc import Iterable, Sequence
 
 import bpy
 
-from ...core.errors import GeometryError
 from ...core.lightmap import LightmapSettings
+from ...core.notes import Notes
 from ...core.order import ObjectSnapshot, SceneSnapshot
+from .left_out import note_refused, nothing_to_bake, unseen_reason
+from .libraries import note_missing
 from .lights import LightReader
-from .objects import SceneReader, names_of
+from .objects import SceneReader
 from .ties import tie
 
 
@@ -57,7 +59,8 @@ def snapshot_scene(
         When none of the objects to bake is visible, or one lacks the UV map to keep.
     """
     objects = list(objects)
-    notes: list[str] = []
+    notes = Notes()
+    note_missing(context.scene, notes)
     depsgraph = depsgraph or context.evaluated_depsgraph_get()
     wanted = {ob.session_uid: ob for ob in objects}
     lights = LightReader(notes) if needs_light else None
@@ -75,9 +78,9 @@ def snapshot_scene(
             occluders.append(snapshot)
     reader.note_hidden()
     baked = [tie(ob, found[ob.session_uid], reader) for ob in objects if ob.session_uid in found]
-    unseen = [ob.name for ob in objects if ob.session_uid not in found]
-    if unseen:
-        notes.append(f"hidden, or left without faces by modifiers, so nothing was baked onto: {names_of(unseen)}")
+    unseen = [(ob, unseen_reason(context, ob)) for ob in objects if ob.session_uid not in found]
     if not baked:
-        raise GeometryError("; ".join(["there is nothing to bake", *notes]))
-    return SceneSnapshot(baked, occluders, notes, reader.light_sources())
+        raise nothing_to_bake(context, unseen)
+    note_refused(unseen, notes)
+    sources = reader.light_sources()
+    return SceneSnapshot(baked, occluders, notes.lines(), sources)

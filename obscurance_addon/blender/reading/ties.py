@@ -44,9 +44,10 @@ def tie(ob: bpy.types.Object, snapshot: ObjectSnapshot, reader: SceneReader) -> 
         why, cure = "keep no link to the faces they started from", ""
         if lightmap is not None:
             why, cure = "change which faces there are", ", or keep the UV map of this bake in the next one,"
-        reader.notes.append(
-            f"object '{ob.name}': its modifiers {why}, so its unmodified mesh was baked; apply the modifiers{cure} to "
-            "bake what they make"
+        reader.notes.add(
+            f"modifiers {why}, so the unmodified mesh was baked",
+            ob.name,
+            cure=f"apply the modifiers{cure} to bake what they make",
         )
         mesh = base
         snapshot = replace(snapshot, surface=read_surface(ob.data, snapshot.shadings, reader.baked_layers))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ...core.notes import Notes
 from ...core.order import BakedObject, OutputSettings
 from . import records, uv_layer
 from .image import StagedImage, stage
@@ -77,7 +78,7 @@ def _land_with_uv(
     staged: StagedImage, objects: list[bpy.types.Object], uv: list[np.ndarray], name: str
 ) -> tuple[bpy.types.Image, list[str]]:
     """Land the image and write a UV map for each object, all or nothing."""
-    notes: list[str] = []
+    notes = Notes()
     copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
     prepared: list[tuple[bpy.types.Mesh, str]] = []
     with undone_on_failure() as undo:
@@ -91,5 +92,5 @@ def _land_with_uv(
     for (mesh, layer), values in zip(prepared, uv, strict=True):
         replaced = uv_layer.fill(mesh, layer, name, values)
         if replaced:
-            notes.append(replaced)
-    return image, notes
+            notes.add(replaced)
+    return image, notes.lines()

@@ -9,10 +9,13 @@ import bpy
 import numpy as np
 
 from ...core.errors import ObscuranceError
+from ...core.notes import Notes
 from ...core.order import BakedObject, OutputSettings, SharedMeshes
 from ..reading import same_faces
 from . import color_attribute, records
 from .layers import undone_on_failure
+
+_AVERAGE = "with Shared Meshes set to Average they would share one result"
 
 
 class SceneChangedError(ObscuranceError):
@@ -26,7 +29,7 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
     for ob in objects:
         for layer, _domain in output.layers():
             color_attribute.check_name(ob, layer)
-    notes: list[str] = []
+    notes = Notes()
     copies: list[tuple[bpy.types.Object, bpy.types.Mesh]] = []
     prepared: list[str] = []
     with undone_on_failure() as undo:
@@ -51,12 +54,12 @@ def write_values(baked: list[BakedObject], values: list[np.ndarray], output: Out
                 mesh, next(layers), name, spread(colours, _start_of(source, domain, output))
             )
             if replaced:
-                notes.append(replaced)
+                notes.add(replaced)
             records.remember(mesh, name, stored, output.exposure)
         shown, shown_domain = output.layers()[0]
         if shown_domain != "FACE":  # only corner and point colours can be active in the viewport
             color_attribute.make_active(mesh, shown)
-    return notes
+    return notes.lines()
 
 
 def refresh_values(
@@ -152,7 +155,7 @@ def _start_of(source: BakedObject, domain: str, output: OutputSettings) -> np.nd
 
 
 def separate(
-    objects: list[bpy.types.Object], copies: list[tuple[bpy.types.Object, bpy.types.Mesh]], notes: list[str]
+    objects: list[bpy.types.Object], copies: list[tuple[bpy.types.Object, bpy.types.Mesh]], notes: Notes
 ) -> None:
     """Give each object a mesh of its own; the first of several keeps it unless objects beside these use it too.
 
@@ -161,7 +164,7 @@ def separate(
     objects : list of bpy.types.Object
     copies : list of tuple
         Gets every object that has a copy now, and the mesh that it had.
-    notes : list of str
+    notes : Notes
     """
     groups: dict[bpy.types.Mesh, list[bpy.types.Object]] = {}
     for ob in objects:
@@ -173,8 +176,8 @@ def separate(
             copies.append((ob, mesh))
             ob.data = mesh.copy()
         if copied:
-            names = ", ".join(f"'{ob.name}'" for ob in copied)
-            notes.append(f"mesh '{mesh.name}' is shared, so these got a copy of their own: {names}")
+            names = [ob.name for ob in copied]
+            notes.add("their mesh was shared, so these got a copy of their own", *names, cure=_AVERAGE)
 
 
 def rejoin(copies: list[tuple[bpy.types.Object, bpy.types.Mesh]]) -> None:

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..monitor import Monitor
+from ..notes import named
 from ..obscurance import error_sample, half_difference, obscurances_in
 from ..sampling import allocate_rays
 from ..scene import Patches, Surfaces, fill_invalid, mean_reflectance, prepare_cells
@@ -165,10 +166,8 @@ def light_warnings(lit: LitPatches, emitted: np.ndarray, light: LightSettings) -
     warnings = []
     unreached = [name for name in lit.direct.unreached if name != EmissiveTriangles.name]
     if unreached:
-        warnings.append(
-            f"lights that reach no surface: {', '.join(map(repr, unreached))}; if one is inside of a wall or lamp "
-            "housing, move it out"
-        )
+        cure = "if one is inside of a wall or lamp housing, move it out"
+        warnings.append(f"lights that reach no surface: {named(unreached)}; {cure}")
     if not lit.scene.sources and not lit.scene.world.any():
         warnings.append("nothing shines on the scene, so its light is black: add a light, or bake OBSCURANCE")
     from_emission = light.ambient is Ambient.EMISSION and light.quantity in _WITH_AMBIENT

@@ -14,6 +14,7 @@ from ..tracing import Hits
 from .lamps import TINY, LampSamples
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709 colours
+_LEAST_SHARE = np.float32(1e-15)  # of one density in another: the square of its inverse is finite in float32
 
 
 class EmissiveTriangles:
@@ -105,5 +106,5 @@ class EmissiveTriangles:
 
 def _power_heuristic(own: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Weight 0 .. 1 of a sample drawn with density `own` that could have been drawn with density `other`."""
-    ratio = other / np.maximum(own, TINY)
+    ratio = other / np.maximum(own, np.maximum(_LEAST_SHARE * np.abs(other), TINY))
     return 1.0 / (1.0 + ratio * ratio)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import BackendError, GeometryError
 from ..native_library import why_missing
+from ..notes import Notes, named
 from ..process import ChildEndedError, ChildProcess
 
 SERVER = "lightmap.unwrap_worker.serve"  # module of the core that the child process runs
@@ -96,8 +97,8 @@ def unwrap(
     notes = _dropped_notes(meshes, usable)
     given = [i for i, (kept, _) in enumerate(usable) if kept.any()]
     if not given:
-        names = ", ".join(dict.fromkeys(f"'{mesh.name}'" for mesh in meshes)) or "nothing"
-        raise GeometryError(f"no face to unwrap has an area ({names}); add faces, scale them up or repair them")
+        names = f" ({named(mesh.name for mesh in meshes)})" if meshes else ""
+        raise GeometryError(f"no face to unwrap has an area{names}: add faces, scale them up or repair them")
     area = sum(area for _, area in usable)
     if texels_per_metre is not None and area * texels_per_metre**2 > MOST_PAGES * size**2:
         raise _too_many_pages(int(area * texels_per_metre**2 / size**2) + 1, size)
@@ -126,12 +127,9 @@ def _usable_faces(mesh: UnwrapMesh) -> tuple[np.ndarray, float]:
 
 
 def _dropped_notes(meshes: Sequence[UnwrapMesh], usable: list[tuple[np.ndarray, float]]) -> list[str]:
-    notes = []
-    for mesh, (kept, _) in zip(meshes, usable, strict=True):
-        if dropped := int((~kept).sum()):
-            faces, get = ("face", "gets") if dropped == 1 else ("faces", "get")
-            notes.append(f"object '{mesh.name}': {dropped} {faces} without area {get} no texels")
-    return notes
+    names = [mesh.name for mesh, (kept, _) in zip(meshes, usable, strict=True) if not kept.all()]
+    cure = "remove these faces, or scale the objects up"
+    return [f"faces without area, or far astray, get no texels: {named(names)}; {cure}"] if names else []
 
 
 def _job(mesh: UnwrapMesh, kept: np.ndarray, number: int) -> dict[str, np.ndarray]:
@@ -241,12 +239,21 @@ def _atlas(
 ) -> Atlas:
     uv = [np.zeros((len(mesh.corner_vertex), 2), np.float32) for mesh in meshes]
     page, chart = ([np.full(len(mesh.face_start) - 1, -1, np.int32) for mesh in meshes] for _ in range(2))
+    told = Notes()
     for n, i in enumerate(given):
         uv[i], page[i], chart[i] = found[f"uv{n}"], found[f"page{n}"], found[f"chart{n}"]
         folded, unchecked = found[f"folded{n}"]
         if folded:
-            faces, overlap = ("face", "overlaps itself") if folded == 1 else ("faces", "overlap themselves")
-            notes.append(f"object '{meshes[i].name}': {folded} twisted {faces} {overlap} when laid flat")
+            told.add("twisted faces overlap themselves when laid flat", meshes[i].name, cure="triangulate them")
         if unchecked:
-            notes.append(f"object '{meshes[i].name}' is too entangled to be searched for overlaps")
-    return Atlas(uv, page, chart, int(found["pages"]), size, float(found["density"]), notes, time.monotonic() - begin)
+            told.add("too entangled to be searched for faces that overlap", meshes[i].name, cure="look at the UV map")
+    return Atlas(
+        uv,
+        page,
+        chart,
+        int(found["pages"]),
+        size,
+        float(found["density"]),
+        notes + told.lines(),
+        time.monotonic() - begin,
+    )

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import GeometryError
 from ..light import PatchMaterials
+from ..notes import Notes
 from ..scene import Patches, Surfaces, solid_triangles
 from ..shading import shade_faces
 from .output import Target
@@ -73,7 +74,7 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
             f"the scene has {n_triangles:,} triangles, instances counted each time, but at most {MAX_TRIANGLES:,} "
             "can be traced: hide distant instances from renders"
         )
-    warnings: list[str] = []
+    notes = Notes()
     shaded: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray]] = {}  # instances that look the same are shaded once
     worlds = []
     for ob in objects:
@@ -83,12 +84,7 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
         worlds.append(WorldObject.of(ob, shaded[key]))
     parts = [baked_part(baked, world, target) for baked, world in zip(snapshot.baked, worlds, strict=False)]
     for ob, world in zip(objects, worlds, strict=True):
-        broken = np.count_nonzero(~np.isfinite(world.vertices).all(1))
-        if broken:
-            warnings.append(
-                f"object '{ob.name}': {broken} vertices have no finite position, their faces were left out; repair the "
-                "mesh or its modifiers"
-            )
+        _note_shape(ob, world, notes)
     others, owners = [], list(range(len(parts)))  # owners: the object of each part
     for number, (ob, world) in enumerate(zip(objects, worlds, strict=True) if needs_light else ()):
         faces = unbaked_faces(ob.mesh) if number < len(parts) else np.ones(len(ob.mesh.face_start) - 1, bool)
@@ -115,8 +111,19 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
             ObjectRange(int(first), int(first) + len(part.ids), part.element_patch)
             for part, first in zip(parts, starts, strict=False)
         ],
-        warnings=warnings,
+        warnings=notes.lines(),
     )
+
+
+def _note_shape(ob: ObjectSnapshot, world: WorldObject, notes: Notes) -> None:
+    """Say what is wrong with the shape of an object."""
+    if not world.finite.all():
+        what = "vertices have no finite position, so their faces were left out"
+        notes.add(what, ob.name, cure="repair the mesh or its modifiers")
+    if lost := world.flattened(ob):
+        axes = ("one axis", "two axes", "all axes")[lost - 1]
+        what = f"the scale of these objects, or of their parents, is 0 along {axes}, so faces have no area"
+        notes.add(what, ob.name, cure="set the scale, or hide them from renders")
 
 
 def shade(ob: ObjectSnapshot) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import GeometryError
 from ..lightmap import AtlasLayout, LightmapSettings, UnwrapMesh, UvMode, charts_of, unwrap
+from ..notes import Notes, named
 from .arrays import ObjectRange
 from .patch_parts import WorldObject
 from .snapshot import ObjectSnapshot, SceneSnapshot
@@ -121,7 +122,7 @@ class _Places:
 
 def _kept(objects: list[ObjectSnapshot], worlds: list[WorldObject]) -> tuple[list[_Places], list[str]]:
     """Places of the triangles of objects that keep their UV map, and what to tell of them."""
-    found, notes, charts = [], [], 0
+    found, notes, charts = [], Notes(), 0
     for ob, world in zip(objects, worlds, strict=True):
         mesh = ob.mesh
         with np.errstate(invalid="ignore"):
@@ -132,18 +133,17 @@ def _kept(objects: list[ObjectSnapshot], worlds: list[WorldObject]) -> tuple[lis
             inside = (tile >= 0.0).all(1) & (tile[:, 0] < _COLUMNS) & (page < MOST_PAGES)
             inside &= (np.abs(uv - 0.5) <= 0.5 + _ON_BORDER).all((1, 2))
         if not inside.all():
-            faces = len(np.unique(mesh.triangle_face[~inside]))
-            notes.append(
-                f"object '{ob.name}': {faces:,} faces lie outside of the image tiles in UV map '{mesh.uv_map}', or "
-                "across their borders, and got nothing; move them, or let the bake unwrap"
-            )
+            where = f"outside of the image tiles in UV map '{mesh.uv_map}', or across their borders"
+            notes.add(f"faces lie {where}, so they got nothing", ob.name, cure="move them, or let the bake unwrap")
         chart = charts_of(mesh.corner_vertex, mesh.uv, world.triangle_corners) + charts
         charts = int(chart.max(initial=-1)) + 1
         found.append(_Places(uv, np.where(inside, page, -1).astype(np.int32), chart))
     if not any((places.page >= 0).any() for places in found):
-        names = ", ".join(f"'{ob.name}' ('{ob.mesh.uv_map}')" for ob in objects)
-        raise GeometryError(f"no face lies within an image tile in these UV maps: {names}; let the bake unwrap")
-    return found, notes
+        maps = named(ob.mesh.uv_map for ob in objects)
+        raise GeometryError(
+            f"no face lies within an image tile in the UV map {maps}; move them, or let the bake unwrap"
+        )
+    return found, notes.lines()
 
 
 def _join(

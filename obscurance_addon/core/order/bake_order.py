@@ -16,6 +16,7 @@ from ..errors import GeometryError
 from ..light import BakedLight, LightSettings, bake_light
 from ..lightmap import Lightmap, LightmapSettings, bake_light_map, bake_lightmap
 from ..monitor import Monitor
+from ..notes import Notes, named
 from ..obscurance import Obscurances, bake_obscurances
 from ..settings import BakeSettings
 from .arrays import BakeArrays, ObjectRange, prepare_arrays
@@ -27,7 +28,7 @@ from .texel_materials import TexelMaterials
 
 _PROGRESS_STEPS = 1000  # of unwrapping
 _OVERLAPS_TOLD = 6
-_NAMES_IN_ERRORS = 8
+_FLIP = "if the solid is a room, flip its normals (in Edit Mode, Mesh > Normals > Flip)"
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,7 @@ class BakeOrder:
                 return self._attributes(arrays, extract, monitor, intersector)
             return self._lightmap(arrays, extract, monitor, intersector)
         except GeometryError as error:
-            names = ", ".join(f"'{baked.snapshot.name}'" for baked in self.snapshot.baked[:_NAMES_IN_ERRORS])
-            raise GeometryError(f"{names}: {error}") from error
+            raise GeometryError(f"{named(self._names())}: {error}") from error
 
     def _attributes(self, arrays: BakeArrays, extract: float, monitor: Monitor, intersector: Callable) -> BakeResult:
         common = {"neighbours": arrays.neighbours, "monitor": monitor, "intersector": intersector}
@@ -227,30 +227,21 @@ class BakeOrder:
 
     def _hidden_patches(self, ranges: list[ObjectRange], valid: np.ndarray) -> list[str]:
         """Warnings for objects most of whose patches have no value of their own."""
-        warnings = []
+        notes = Notes()
         for name, part in zip(self._names(), ranges, strict=True):
-            own = valid[part.first : part.end]
-            hidden = np.count_nonzero(~own)
-            if 2 * hidden > len(own):
-                warnings.append(
-                    f"object '{name}': {hidden:,} of {len(own):,} patches lie inside of a closed "
-                    "solid or have no area, so they took their neighbours' value, or that of an open face; if the "
-                    "solid is a room, flip its normals (Mesh > Normals > Flip)"
-                )
-        return warnings
+            if 2 * np.count_nonzero(~valid[part.first : part.end]) > part.end - part.first:
+                what = "mostly inside of a closed solid, or without area, so taken from neighbors or as open"
+                notes.add(what, name, cure=_FLIP)
+        return notes.lines()
 
     def _hidden_texels(self, ranges: list[ObjectRange], result: Lightmap) -> list[str]:
         """Warnings for objects most of whose surface has no value of its own."""
-        warnings, counts = [], result.counts
+        notes, counts = Notes(), result.counts
         for name, part in zip(self._names(), ranges, strict=True):
             area, hidden = (float(of[part.first : part.end].sum()) for of in (counts.area, counts.hidden))
             if 2.0 * hidden > area:
-                warnings.append(
-                    f"object '{name}': {hidden / area:.0%} of its surface lies inside of a closed "
-                    "solid, so it took its neighbours' value, or that of an open face; if the solid is a room, flip "
-                    "its normals (Mesh > Normals > Flip)"
-                )
-        return warnings
+                notes.add("mostly inside of a closed solid, so taken from neighbors or as open", name, cure=_FLIP)
+        return notes.lines()
 
     def _overlaps(self, ranges: list[ObjectRange], result: Lightmap) -> list[str]:
         """A warning that names objects whose faces share texels."""

@@ -133,7 +133,9 @@ class ChildFollower:
             while not run.step(_LOOK_S):
                 continue
         except ChildEndedError as error:
-            raise BackendError(f"the process that followed the scene has ended ({error})") from error
+            raise BackendError(
+                f"the process that followed the scene has ended ({error}): switch Live Preview off and on again"
+            ) from error
         return run.result
 
 

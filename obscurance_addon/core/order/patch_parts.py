@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..sampling import hash32
-from ..scene import corner_cells, face_of_corner, smooth_fans, triangle_areas
+from ..scene import corner_cells, face_of_corner, finite_or_nan, smooth_fans, triangle_areas
 from .output import Target
 from .snapshot import BakedObject, MeshArrays, ObjectSnapshot
 
@@ -17,7 +17,8 @@ from .snapshot import BakedObject, MeshArrays, ObjectSnapshot
 class WorldObject:
     """One object in world space."""
 
-    vertices: np.ndarray  # (v, 3) float64
+    vertices: np.ndarray  # (v, 3) float64; NaN where they are not finite
+    finite: np.ndarray  # (v,) bool
     triangle_corners: np.ndarray  # (t, 3), turned so that normals point outwards under mirroring transforms too
     triangles: np.ndarray  # (t, 3) vertex indices
     reflectance: np.ndarray  # (f, 3) float32
@@ -26,12 +27,19 @@ class WorldObject:
     @classmethod
     def of(cls, ob: ObjectSnapshot, shading: tuple[np.ndarray, np.ndarray]) -> WorldObject:
         mesh = ob.mesh
-        with np.errstate(invalid="ignore", over="ignore"):
-            vertices = mesh.positions @ ob.matrix[:3, :3].T + ob.matrix[:3, 3]
+        matrix = ob.matrix if np.isfinite(ob.matrix).all() else np.full((4, 4), np.nan)
+        vertices = finite_or_nan(finite_or_nan(mesh.positions) @ matrix[:3, :3].T + matrix[:3, 3])
+        finite = np.isfinite(vertices[:, 0])
         corners = mesh.triangle_corners
-        if np.linalg.det(ob.matrix[:3, :3]) < 0.0:
+        if finite.any() and np.linalg.det(matrix[:3, :3]) < 0.0:
             corners = corners[:, ::-1]
-        return cls(vertices, corners, mesh.corner_vertex[corners], *shading)
+        return cls(vertices, finite, corners, mesh.corner_vertex[corners], *shading)
+
+    def flattened(self, ob: ObjectSnapshot) -> int:
+        """Along how many axes a scale of 0 took away area, 0 if it took none."""
+        matrix = ob.matrix[:3, :3]
+        lost = 3 - int(np.linalg.matrix_rank(matrix)) if np.isfinite(matrix).all() else 0
+        return lost if lost and not triangle_areas(self.vertices[self.triangles]).all() else 0
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from .patches import (
     usable_triangles,
 )
 from .reflectance import hidden_sums, mean_of_sums, mean_reflectance, surface_sums
-from .solids import connected_components, solid_triangles
+from .solids import connected_components, finite_or_nan, solid_triangles
 
 __all__ = [
     "OFFSET",
@@ -37,6 +37,7 @@ __all__ = [
     "corner_cells",
     "face_of_corner",
     "fill_invalid",
+    "finite_or_nan",
     "hidden_sums",
     "join_cells",
     "join_objects",

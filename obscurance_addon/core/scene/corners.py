@@ -101,7 +101,8 @@ def _leaves_surface(
     with np.errstate(invalid="ignore", over="ignore"):
         normal = _face_normals(points, triangle_corners, triangle_face, n_faces)
         folded = np.einsum("cij,cj->ci", _area_vectors(outline), normal[face]) < 0.0
-        extent = np.nanmax(np.abs(points[:, :3] - np.nanmean(points[:, :3], axis=0)), initial=0.0)
+        finite = points[np.isfinite(points[:, :3]).all(1), :3]
+        extent = np.abs(finite - finite.mean(0)).max() if len(finite) else 0.0
         height = np.einsum("cj,cj->c", outline[:, 0, 0, :3] - outline[:, 0, 2, :3], normal[face])
         bent = np.abs(height) > PLANARITY * extent
     bad = np.zeros(n_faces, bool)

@@ -11,7 +11,7 @@ from ..errors import GeometryError, SettingsError
 from ..sampling import hash32
 from .objects import SceneObject
 from .patches import Patches, Surfaces
-from .solids import solid_triangles
+from .solids import finite_or_nan, solid_triangles
 
 
 def mesh_object(
@@ -56,6 +56,7 @@ def mesh_object(
     vertices = np.asarray(vertices, np.float64)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise GeometryError(f"vertices have shape {vertices.shape}: give (v, 3)")
+    vertices = finite_or_nan(vertices)
     triangles = _indices("triangles", triangles, (-1, 3), len(vertices))
     if face is None:
         face, n_faces = np.arange(len(triangles)), len(triangles)

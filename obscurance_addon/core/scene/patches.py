@@ -119,7 +119,9 @@ class Normalisation:
         with np.errstate(over="ignore"):
             half_diagonal = 0.5 * float(np.linalg.norm(high - low))
         if half_diagonal == np.inf:
-            raise GeometryError("the faces to bake span more than numbers can tell: a vertex is far astray")
+            raise GeometryError(
+                "the faces to bake span more than numbers can tell: delete the vertex that is far astray"
+            )
         if not half_diagonal > 0.0:
             raise GeometryError(
                 "the faces to bake have no extent: all their vertices coincide, or none is finite; scale them up or "

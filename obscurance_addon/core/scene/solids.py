@@ -41,9 +41,16 @@ def solid_triangles(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 def _shell_volumes(vertices: np.ndarray, triangles: np.ndarray, shell: np.ndarray) -> np.ndarray:
     """Six times the volume enclosed by each closed shell, indexed by shell label."""
+    vertices = finite_or_nan(vertices)
     first, second, third = (vertices[triangles[:, k]] - vertices[shell] for k in range(3))  # keeps digits far away
-    with np.errstate(invalid="ignore", over="ignore"):
-        return np.bincount(shell, np.einsum("ij,ij->i", first, np.cross(second, third)))
+    return np.bincount(shell, np.einsum("ij,ij->i", first, np.cross(second, third)))
+
+
+def finite_or_nan(points: np.ndarray) -> np.ndarray:
+    """Points (n, 3) as float64, wholly NaN where a coordinate is not finite: differences of NaN raise no warning."""
+    points = np.array(points, np.float64)
+    points[~np.isfinite(points).all(1)] = np.nan
+    return points
 
 
 def connected_components(n: int, links: np.ndarray) -> np.ndarray:

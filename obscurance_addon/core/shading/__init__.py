@@ -5,7 +5,7 @@ reflectance and emission per face.
 """
 
 from . import arithmetic
-from .arithmetic import lerp, luminance, mean, saturate, shares_removed
+from .arithmetic import lerp, luminance, mean, saturate, shares_removed, tame
 from .expressions import BLACK, AttributeSample, Constant, Expression, ImageSample, UVProjection, apply
 from .shading import DEFAULT_REFLECTANCE, MAX_EMISSION, Shading, shade_faces
 from .surfaces import NO_TRIANGLES, SurfaceArrays
@@ -32,4 +32,5 @@ __all__ = [
     "saturate",
     "shade_faces",
     "shares_removed",
+    "tame",
 ]

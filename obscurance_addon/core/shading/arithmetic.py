@@ -19,6 +19,11 @@ def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:
     return np.where(encoded <= 0.04045, encoded / 12.92, curve).astype(np.float32)
 
 
+def tame(values: np.ndarray, most: float) -> np.ndarray:
+    """Values as float32 within -most .. most, 0 where they are no number."""
+    return np.clip(np.nan_to_num(values), -most, most).astype(np.float32)
+
+
 def saturate(a: np.ndarray) -> np.ndarray:
     """Clamped to 0 .. 1."""
     return np.clip(a, 0.0, 1.0)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .arithmetic import tame
 from .points import TrianglePoints
 from .surfaces import SurfaceArrays
 from .textures import Texture
@@ -19,6 +20,8 @@ from .textures import Texture
 MAX_PARTS = 64
 PARTS_PER_TEXEL = 4.0
 ATTRIBUTE_PARTS = 4
+# Texture coordinates and factors beyond these mean nothing; within them, products and squares are finite in float32.
+_FAR_UV, _FAR_FACTOR = 2.0**40, 2.0**60
 
 
 class Expression(ABC):
@@ -93,8 +96,8 @@ class UVProjection:
         uv = surface.uv.get(self.name or surface.active_uv)
         if uv is None:
             return None
-        matrix = self.matrix.astype(np.float32)
-        return np.nan_to_num(uv[surface.triangle_corners[triangles]] @ matrix[:, :2].T + matrix[:, 2])
+        matrix = tame(self.matrix, _FAR_FACTOR)
+        return tame(uv[surface.triangle_corners[triangles]] @ matrix[:, :2].T + matrix[:, 2], _FAR_UV)
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,4 +92,5 @@ def _physical(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n, 2, 3) reflectance and radiance -> clamped reflectance (n, 3) and radiant exitance (n, 3), both float32."""
     values = np.nan_to_num(values, nan=0.0, posinf=MAX_EMISSION, neginf=0.0)
     reflectance = np.clip(values[:, 0], 0.0, MAX_REFLECTANCE)
-    return reflectance.astype(np.float32), np.clip(np.pi * values[:, 1], 0.0, MAX_EMISSION).astype(np.float32)
+    radiance = np.clip(values[:, 1], 0.0, MAX_EMISSION / np.pi)
+    return reflectance.astype(np.float32), (np.pi * radiance).astype(np.float32)

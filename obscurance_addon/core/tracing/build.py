@@ -81,7 +81,7 @@ def build_scene(
     """
     monitor = monitor or Monitor()
     if not len(patches):
-        raise GeometryError("there is no face to bake")
+        raise GeometryError("there is no face to bake: give objects with faces")
     if held is None:
         held = Held(Normalisation.of(patches.corners), settings.max_distance(scene_diagonal(surfaces)))
     normalisation, d_max = held.normalisation, held.d_max

@@ -81,7 +81,7 @@ class IncrementalBake:
         intersector: IntersectorMaker = EmbreeIntersector,
     ) -> None:
         if not any(len(o.patches) for o in objects.values()):
-            raise GeometryError("there is no face to bake")
+            raise GeometryError("there is no face to bake: give objects with faces")
         if held is None:
             joined = join_objects(objects.values())
             normalisation = Normalisation.of(joined.patches.corners)

@@ -322,7 +322,7 @@ def test_objects_hidden_inside_of_a_solid_are_named():
     room, inside = cube("Room", half=2.0), cube("Inside", half=0.5)
     warnings = bake(room, inside).warnings
     (warning,) = [text for text in warnings if "closed solid" in text]
-    assert "'Inside': 6 of 6" in warning
+    assert ": 'Inside';" in warning
     assert "flip" in warning
 
 

@@ -162,7 +162,7 @@ def test_a_kept_map_takes_the_faces_that_modifiers_make(modify):
 
 
 def test_shared_meshes_get_copies_and_places_of_their_own():
-    """Each its own UVs, the dark one dark texels; the note names the mesh and who got a copy."""
+    """Each its own UVs, the dark one dark texels; the note names who got a copy."""
     covered = floor("Covered", n=2)
     other = bpy.data.objects.new("Open", covered.data)
     other.location.x = 20.0
@@ -171,7 +171,7 @@ def test_shared_meshes_get_copies_and_places_of_their_own():
     running = finished(covered, other)
     report = running.commit()
     assert covered.data != other.data
-    assert notes_about(report.warnings, "mesh 'Covered' is shared", "'Open'")
+    assert notes_about(report.warnings, "mesh was shared", "'Open'")
     assert overlaps(running) == 0
     assert not np.array_equal(uv_of(covered), uv_of(other))
     means = means_on_faces(running)
@@ -366,5 +366,5 @@ def test_maps_in_other_tiles_make_tiles(tmp_path):
         assert notes_about(report.warnings, f"'{name}'", "outside of the image tiles", "'Map'")
     for name in ("First", "Right"):
         assert not notes_about(report.warnings, f"'{name}'", "outside")
-    with pytest.raises(GeometryError, match="'Below'"):
+    with pytest.raises(GeometryError, match="UV map 'Map'"):
         bake_map(objects[2], uv_mode="KEEP")

@@ -5,6 +5,7 @@ import numpy as np
 
 from obscurance_addon.blender.materials.snapshot import snapshot_material
 from obscurance_addon.blender.materials.surfaces import read_surface
+from obscurance_addon.core.notes import Notes
 from obscurance_addon.core.shading.shading import shade_faces
 from obscurance_addon.core.shading.surfaces import NO_TRIANGLES
 
@@ -123,11 +124,13 @@ def quarters(side=8, **options):
 def shade(painted_with, mesh=None, face_material=None, notes=None, images=None):
     """Reflectance and emission of the faces of a mesh (or of one face without mesh)."""
     painted_with = painted_with if isinstance(painted_with, list) else [painted_with]
-    notes = [] if notes is None else notes
+    found = Notes()
     shadings = [
-        snapshot_material(material.material if isinstance(material, Tree) else material, notes, images)
+        snapshot_material(material.material if isinstance(material, Tree) else material, found, images)
         for material in painted_with
     ]
+    if notes is not None:
+        notes += found.lines()
     surface, n_faces = NO_TRIANGLES, 1
     if mesh is not None:
         mesh.calc_loop_triangles()

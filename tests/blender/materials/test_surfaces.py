@@ -9,6 +9,7 @@ import pytest
 
 from obscurance_addon.blender.materials.snapshot import snapshot_material
 from obscurance_addon.blender.materials.surfaces import read_surface
+from obscurance_addon.core.notes import Notes
 from obscurance_addon.core.shading.expressions import Constant
 from obscurance_addon.core.shading.shading import DEFAULT_REFLECTANCE, Shading, shade_faces
 from obscurance_addon.core.shading.surfaces import NO_TRIANGLES
@@ -72,7 +73,7 @@ def test_a_million_constant_faces_need_no_memory_but_the_result():
 
 
 def test_constant_materials_read_no_mesh_data():
-    shading = snapshot_material(Tree().diffuse().material, [])
+    shading = snapshot_material(Tree().diffuse().material, Notes())
     assert not shading.varies()
     assert shading.uv_maps() == shading.color_attributes() == set()
     mesh = quads((0, 0, 1, 1), (0, 0, 1, 1))
@@ -86,7 +87,7 @@ def test_works_in_a_thread_without_blender():
     tree.diffuse(tree.image(quarters(byte=False), interpolation="Closest").outputs[0])
     mesh = quads((0, 0, 0.5, 0.5))
     mesh.calc_loop_triangles()
-    shading = snapshot_material(tree.material, [])
+    shading = snapshot_material(tree.material, Notes())
     surface = read_surface(mesh, [shading])
     bpy.ops.wm.read_factory_settings(use_empty=True)
     results = []
@@ -170,7 +171,7 @@ def test_names_needed_from_the_mesh():
     paint = tree.node("ShaderNodeVertexColor", layer_name="Paint").outputs[0]
     mix = tree.node("ShaderNodeMixRGB", {"Fac": factor, "Color1": image.outputs[0], "Color2": paint})
     tree.diffuse(mix.outputs[0])
-    shading = snapshot_material(tree.material, [])
+    shading = snapshot_material(tree.material, Notes())
     assert shading.varies()
     assert shading.uv_maps() == {"", "Second"}
     assert shading.color_attributes() == {"Paint"}

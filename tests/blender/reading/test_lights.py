@@ -268,7 +268,7 @@ def test_animated_lights_are_baked_at_the_current_frame():
         made.keyframe_insert("location", frame=frame)
     bpy.context.scene.frame_set(11)
     report = bake(ob, quantity="DIRECT", rays=64)
-    assert notes_about(report.warnings, "animated", "frame 11", "'Moving'")
+    assert notes_about(report.warnings, "animated", "--frames", "'Moving'")
     assert ob.data.polygons[int(colors(ob).sum(1).argmax())].center.x > 0.8
 
 
@@ -308,7 +308,7 @@ def test_worlds_that_are_not_constant_are_named():
     sky = tree.nodes.new("ShaderNodeTexEnvironment")
     background = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground")
     tree.links.new(sky.outputs[0], background.inputs["Color"])
-    assert notes_about(notes_of(floor()), "world 'World'")
+    assert notes_about(notes_of(floor()), "in the world: 'World'; give its Background node a plain color")
 
 
 def test_worlds_whose_background_is_muted_or_missing_are_black():

@@ -284,7 +284,9 @@ def test_a_vertex_far_astray():
 def test_faces_without_area_are_told():
     atlas = place([AWKWARD["broken"], of(icosphere(1))])
     assert atlas.page[0].tolist() == [0, -1, -1, -1, -1, -1, 0]
-    assert atlas.notes == ["object 'Broken': 5 faces without area get no texels"]
+    assert atlas.notes == [
+        "faces without area, or far astray, get no texels: 'Broken'; remove these faces, or scale the objects up"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -293,7 +295,7 @@ def test_faces_without_area_are_told():
     ids=["none", "empty", "lines"],
 )
 def test_nothing_to_unwrap(meshes):
-    with pytest.raises(GeometryError, match=r"no face to unwrap has an area .*repair") as caught:
+    with pytest.raises(GeometryError, match=r"no face to unwrap has an area.*repair") as caught:
         place(meshes)
     assert all(f"'{mesh.name}'" in str(caught.value) for mesh in meshes)
 
@@ -303,12 +305,14 @@ def test_empty_meshes_beside_others():
         [polygons("Nil", [], []), of(icosphere(1)), polygons("Line", np.eye(3)[:1].repeat(3, 0), [[0, 1, 2]])]
     )
     assert [len(page) for page in atlas.page] == [0, 80, 1]
-    assert atlas.notes == ["object 'Line': 1 face without area gets no texels"]
+    assert atlas.notes == [
+        "faces without area, or far astray, get no texels: 'Line'; remove these faces, or scale the objects up"
+    ]
 
 
 def test_a_polygon_that_overlaps_itself_is_told():
     bow = polygons("Bow", [(0, 0, 0), (1, 1, 0), (1, 0, 0.3), (0, 2, 0)], [[0, 1, 2, 3]])
-    assert place([bow]).notes == ["object 'Bow': 1 twisted face overlaps itself when laid flat"]
+    assert place([bow]).notes == ["twisted faces overlap themselves when laid flat: 'Bow'; triangulate them"]
 
 
 def test_cancelling_ends_the_child(monkeypatch):

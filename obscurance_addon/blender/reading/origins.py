@@ -119,7 +119,8 @@ def _has(mesh: bpy.types.Mesh, name: str, domain: str) -> bool:
 @contextmanager
 def _riding(mesh: bpy.types.Mesh, name: str, kind: str, domain: str) -> Iterator[str]:
     """The name of an attribute that an evaluated mesh has while the block lasts."""
-    name = mesh.attributes.new(name, kind, domain).name  # numbered where it is taken, by a vertex group too
+    while mesh.attributes.new(name, kind, domain) is None:  # taken by an attribute or a vertex group
+        name += "_"
     try:
         yield name
     finally:

@@ -14,7 +14,7 @@ import pytest
 
 from obscurance_addon.blender.marks import MADE_HERE
 from obscurance_addon.blender.writing import image as lightmap_image
-from obscurance_addon.blender.writing import image_files, image_formats
+from obscurance_addon.blender.writing import image_formats
 from obscurance_addon.blender.writing.image import stage
 from obscurance_addon.blender.writing.image_files import ImageFileError, check_path
 from obscurance_addon.core.order.output import ImageFormat
@@ -612,9 +612,7 @@ def test_a_file_that_cannot_be_replaced(old, tmp_path, monkeypatch):
     staged = stage(flat(3.0, 4.0), "Lightmap", str(tmp_path / "map"), ImageFormat.EXR_HALF)
     with monkeypatch.context() as patched:
         broken = failing(os.replace)
-        patched.setattr(
-            image_files.os, "replace", lambda a, b, real=os.replace: broken(a, b) if ".part" in a else real(a, b)
-        )
+        patched.setattr(os, "replace", lambda a, b, real=os.replace: broken(a, b) if ".part" in a else real(a, b))
         with pytest.raises(ImageFileError, match=r"could not be replaced \(Permission denied\): close"):
             staged.land()
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == files

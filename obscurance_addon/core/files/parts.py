@@ -1,0 +1,181 @@
+"""How a file takes the place of another: written beside it, checked, then renamed.
+
+A kill at any moment leaves the old file or the new one, whole. What it leaves besides has names that begin with those
+of a lock file; the next run that writes to the folder finds that nobody holds the lock, and removes it.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+import weakref
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from .locks import abandoned, locked
+from .targets import TargetError, check_target
+
+_PREFIX, _LOCK = ".obscurance-", ".lock"
+_open: weakref.WeakSet[Parts] = weakref.WeakSet()
+
+
+class Parts:
+    """Names in a folder for files and folders that will replace others; what still has one at the end is removed.
+
+    Parameters
+    ----------
+    folder : str or Path
+        On the disk of what is to be replaced.
+
+    Raises
+    ------
+    OSError
+        When the folder cannot be written to.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self._folder, self._made = Path(folder), 0
+        _sweep(self._folder)
+        self._stem = f"{_PREFIX}{uuid.uuid4().hex[:12]}"
+        self._lock = locked(self._folder / (self._stem + _LOCK))
+        _open.add(self)
+
+    def __enter__(self) -> Parts:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
+
+    def new(self, suffix: str) -> Path:
+        """A path that nobody else uses; writers may add to its name."""
+        self._made += 1
+        return self._folder / f"{self._stem}.{self._made}.part{suffix}"
+
+    def close(self) -> None:
+        """Remove what is left; harmless to repeat."""
+        _open.discard(self)
+        _remove(self._folder, self._stem)
+        if self._lock is not None:
+            self._lock.close()
+
+
+def let_go_of_all() -> None:
+    """Remove what is half-written, for a process that ends at once."""
+    for parts in list(_open):
+        parts.close()
+
+
+@contextmanager
+def written_whole(target: str | Path, check: Callable[[Path], None]) -> Iterator[Path]:
+    """A path beside a file, to write to: at the end of the body it is checked, and takes the file's place.
+
+    Parameters
+    ----------
+    target : str or Path
+        A link stays a link: the file behind it is replaced, and keeps its permissions.
+    check : callable
+        Raises when what was written is not whole; see `CHECKS`.
+
+    Raises
+    ------
+    TargetError
+        When the target is nothing that may be replaced, or cannot be written; an OSError of the body becomes this.
+    """
+    place = Path(os.path.realpath(target))
+    try:
+        with Parts(place.parent) as parts:
+            part = parts.new(place.suffix)
+            yield part
+            finished(part, check)
+            _put(part, place)
+    except OSError as error:
+        raise TargetError(
+            f"'{target}' could not be written ({error.strerror or error}): make room on the disk, or choose another "
+            "folder"
+        ) from error
+
+
+def finished(part: str | Path, check: Callable[[Path], None]) -> None:
+    """Make sure that a file is on the disk, and whole; raises OSError."""
+    with open(part, "rb+") as written:
+        os.fsync(written.fileno())
+    check(Path(part))
+
+
+@contextmanager
+def replaced(files: Sequence[tuple[str, str]]) -> Iterator[None]:
+    """Put finished part files in the place of others for good, or, when the body fails, only until then.
+
+    Parameters
+    ----------
+    files : sequence of (str, str)
+        Part and target, without links.
+    """
+    aside: list[tuple[str, str]] = []  # the old file under another name, or '' if there was none, and the target
+    try:
+        for part, target in files:
+            old = _set_aside(target)
+            aside.append((old, target))
+            _put(part, target)
+        yield
+    except BaseException:
+        for old, target in aside:
+            with suppress(OSError):
+                _restore(old, target)
+        raise
+    for old in filter(None, (old for old, _ in aside)):
+        with suppress(OSError):
+            os.unlink(old)
+
+
+def _put(part: str | Path, target: str | Path) -> None:
+    """Rename a finished part to its target; the one place where something of the user's is replaced."""
+    check_target(target)  # once more: the bake took its time
+    if os.path.exists(target):
+        shutil.copymode(target, part)
+    os.replace(part, target)
+
+
+def _set_aside(target: str) -> str:
+    """Give an existing file a second name, and return that."""
+    if not os.path.lexists(target):
+        return ""
+    old = os.path.join(os.path.dirname(target), f"{_PREFIX}{uuid.uuid4().hex[:12]}.old")
+    try:
+        os.link(target, old)
+    except OSError:  # the file system has no links
+        shutil.copy2(target, old)
+    return old
+
+
+def _restore(old: str, target: str) -> None:
+    """Undo the replacement of a file, if there has been one; where this fails the old file stays beside it."""
+    if not old:
+        os.unlink(target)
+        return
+    os.replace(old, target)
+    if os.path.lexists(old):  # the two are one file still, which renaming leaves alone
+        os.unlink(old)
+
+
+def _sweep(folder: Path) -> None:
+    """Remove what killed runs left in a folder."""
+    with suppress(OSError):
+        for path in list(folder.glob(f"{_PREFIX}*{_LOCK}")):
+            lock = abandoned(path)
+            if lock is not None:
+                with lock:
+                    _remove(folder, path.name.removesuffix(_LOCK))
+
+
+def _remove(folder: Path, stem: str) -> None:
+    """Remove all that has a name of these parts, the lock at the end."""
+    lock = folder / (stem + _LOCK)
+    for path in [*(found for found in folder.glob(f"{stem}.*") if found != lock), lock]:
+        with suppress(OSError):
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink()

@@ -125,9 +125,7 @@ def _open_bake_save(file: _File) -> dict:
     from .blend_file import check_version, open_blend, save_blend
 
     began, scene, output, options = time.perf_counter(), file.scene, file.output, file.options
-    if not scene.is_file():
-        other = "this is a folder" if scene.is_dir() else "this is no file" if scene.exists() else None
-        raise ObscuranceError(f"{other}: name a .blend" if other else "no such file: check the path")
+    _check_scene(scene)
     options.targets.check(output)
     with scene.open("rb") as source:
         compress = source.read(7) != b"BLENDER"
@@ -158,6 +156,17 @@ def _open_bake_save(file: _File) -> dict:
         **entry,
         "peak_memory_bytes": peak_memory(),
     }
+
+
+def _check_scene(scene: Path) -> None:
+    """Make sure that there is a file to open; raises ObscuranceError."""
+    if scene.is_file():
+        return
+    if scene.is_symlink() and not scene.exists():
+        raise ObscuranceError("this link leads nowhere: name a .blend")
+    if scene.exists():
+        raise ObscuranceError(f"this is {'a folder' if scene.is_dir() else 'no file'}: name a .blend")
+    raise ObscuranceError("no such file: check the path")
 
 
 def _claim_image(output: OutputSettings, file: _File) -> None:

@@ -1,8 +1,12 @@
-"""Files that a process keeps locked while it lives, by which others know that it does."""
+"""Files that a process keeps locked while it lives, by which others know that it does.
+
+They hold the name of the machine, because some network drives do not tell one machine of the locks of another.
+"""
 
 from __future__ import annotations
 
 import os
+import platform
 from pathlib import Path
 from typing import IO
 
@@ -23,10 +27,11 @@ def locked(path: str | Path) -> IO | None:
     if fcntl is None:
         return None
     while True:
-        file = open(path, "ab")  # noqa: SIM115 - open for as long as the lock is to last
+        file = open(path, "ab", buffering=0)  # noqa: SIM115 - open for as long as the lock is to last
         try:
             fcntl.flock(file, fcntl.LOCK_EX)
             if os.path.samestat(os.fstat(file.fileno()), os.stat(path)):
+                file.write(_machine())
                 return file
         except FileNotFoundError:
             pass  # somebody took it for abandoned between the two calls: once more
@@ -38,7 +43,7 @@ def locked(path: str | Path) -> IO | None:
 
 
 def abandoned(path: str | Path) -> IO | None:
-    """The lock file of a process that has ended, locked by this one now; None where its owner lives or is unknown."""
+    """The lock file of a process that has ended, locked by this one now; None where the owner may be alive."""
     if fcntl is None:
         return None
     try:
@@ -47,7 +52,13 @@ def abandoned(path: str | Path) -> IO | None:
         return None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if file.read() == _machine():
+            return file
     except OSError:
-        file.close()
-        return None
-    return file
+        pass
+    file.close()
+    return None
+
+
+def _machine() -> bytes:
+    return platform.node().encode()

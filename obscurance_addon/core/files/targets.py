@@ -28,13 +28,15 @@ class TargetError(ObscuranceError):
     """Something cannot be written where it should go; the message names the path and the cure."""
 
 
-def check_target(path: str | Path) -> None:
+def check_target(path: str | Path, needs_room: bool = True) -> None:
     """Make sure that a file can be written, or replaced, as far as one can tell before.
 
     Parameters
     ----------
     path : str or Path
         A link stands for what it leads to.
+    needs_room : bool
+        Whether anything is still to be written, beside what is there.
 
     Raises
     ------
@@ -45,7 +47,7 @@ def check_target(path: str | Path) -> None:
     found = _status(path)
     if found is not None and stat.S_ISDIR(found.st_mode):
         raise TargetError(f"'{path}' is a folder: name a file in it")
-    _check_folder_of(path)
+    _check_folder_of(path, needs_room)
     if found is None:
         return
     if not stat.S_ISREG(found.st_mode):
@@ -61,7 +63,7 @@ def check_folder_target(path: str | Path) -> None:
     if found is not None and not stat.S_ISDIR(found.st_mode):
         kind = _KINDS.get(stat.S_IFMT(found.st_mode), "a file")
         raise TargetError(f"'{path}' is {kind}: name a folder, or a new one")
-    _check_folder_of(path)
+    _check_folder_of(path, True)
     if found is not None and not (found.st_mode & _ANY_WRITE_BIT and os.access(path, os.W_OK)):
         raise TargetError(f"the folder '{path}' cannot be written to: change its permissions or choose another")
 
@@ -103,7 +105,7 @@ def _status(path: str | Path) -> os.stat_result | None:
         raise TargetError(f"'{path}' cannot be used, {reason}") from None
 
 
-def _check_folder_of(path: str | Path) -> None:
+def _check_folder_of(path: str | Path, needs_room: bool) -> None:
     """The folder that a file or folder would be made in."""
     folder = os.path.dirname(os.path.realpath(path))
     if not os.path.isdir(folder):
@@ -113,5 +115,5 @@ def _check_folder_of(path: str | Path) -> None:
     if not os.access(folder, os.W_OK | os.X_OK):
         raise TargetError(f"the folder '{folder}' cannot be written to: change its permissions or choose another")
     room = shutil.disk_usage(folder)
-    if room.total and not room.free:
+    if needs_room and room.total and not room.free:
         raise TargetError(f"the disk of the folder '{folder}' is full: make room on it, or choose another")

@@ -5,13 +5,16 @@ Each check follows the structure of a format to its last byte, without decoding 
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import shutil
 import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
+_LITTLE_ROOM_BYTES = 1 << 16
 _ZSTD, _ZSTD_SEEK_END = b"\x28\xb5\x2f\xfd", b"\xb1\xea\x92\x8f"
 _PNG, _PNG_END = b"\x89PNG\r\n\x1a\n", b"\0\0\0\0IEND\xaeB`\x82"
 _EXR, _EXR_LINES = b"\x76\x2f\x31\x01", {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
@@ -23,8 +26,8 @@ class NotWholeError(OSError):
     """A file ends too early, although its writer reported success."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(f"'{path.name}' is not whole")
-        self.strerror = "not all of it was written"
+        full = shutil.disk_usage(path.parent).free < _LITTLE_ROOM_BYTES
+        super().__init__(errno.ENOSPC, "the disk is full" if full else "not all of it was written", str(path))
 
 
 def check_whole(path: Path) -> None:

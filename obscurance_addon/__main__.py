@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import signal
 import sys
 import traceback
 from typing import NoReturn
@@ -10,14 +11,12 @@ from typing import NoReturn
 def main() -> NoReturn:
     """Run the command line and leave the process with its exit status."""
     _open_closed_streams()
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _end)  # until the command line sets its own: numpy's import loses the exception
     try:
         status = _run(sys.argv[1:])
     except SystemExit as stop:
         status = stop.code if isinstance(stop.code, int) else 2
-    except KeyboardInterrupt:  # before the command line is there to hear of it
-        with contextlib.suppress(OSError):
-            os.write(2, b"\nobscurance: interrupted\n")
-        status = 130
     except BaseException:
         from .command_line import explain
 
@@ -28,6 +27,13 @@ def main() -> NoReturn:
 
         flush()
     os._exit(status)  # the bpy module crashes (4.2) or hangs (4.5) at a normal exit while classes are registered
+
+
+def _end(*_signal: object) -> NoReturn:
+    """Leave at Ctrl-C, while there is nothing to clean up."""
+    with contextlib.suppress(OSError):
+        os.write(2, b"\nobscurance: interrupted\n")
+    os._exit(130)
 
 
 def _open_closed_streams() -> None:

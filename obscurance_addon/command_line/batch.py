@@ -122,15 +122,13 @@ def _open_bake_save(file: _File) -> dict:
     import bpy
 
     from ..blender.reading import ObjectModeGuard
-    from .blend_file import check_version, open_blend, save_blend
+    from .blend_file import BlendFile
 
     began, scene, output, options = time.perf_counter(), file.scene, file.output, file.options
     _check_scene(scene)
     options.targets.check(output)
-    with scene.open("rb") as source:
-        compress = source.read(7) != b"BLENDER"
-    notes = open_blend(scene)
-    notes += check_version(scene, output)
+    blend = BlendFile(scene, options.trust_paths)
+    blend.check_version(output)
     loaded = time.perf_counter()
     context = bpy.context
     asked = _Asked.of(context.scene, options)
@@ -141,9 +139,9 @@ def _open_bake_save(file: _File) -> dict:
     entry, summary = bake(context, objects, asked, file)
     guard.restore(context)
     baked = time.perf_counter()
-    notes += save_blend(output, compress)
+    blend.save(output)
     entry["seconds"] = {"load": loaded - began, **entry["seconds"], "save": time.perf_counter() - baked}
-    entry["warnings"] = notes + entry["warnings"]
+    entry["warnings"] = blend.notes + entry["warnings"]
     file.written.append(str(output))
     file.say.end()
     file.say.line(f"{scene} -> {output}: {summary}")

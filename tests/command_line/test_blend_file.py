@@ -6,8 +6,9 @@ import bpy
 import pytest
 
 from obscurance_addon.command_line import batch
+from obscurance_addon.command_line.blend_file import _handled
 from obscurance_addon.core.files import CHECKS, NotWholeError
-from tests.blender.helpers import FACE_LAYER, floor
+from tests.blender.helpers import FACE_LAYER, cube, floor
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
 
@@ -136,6 +137,35 @@ def test_python_in_a_file_is_not_run(tmp_path, options):
     finally:
         preferences.use_scripts_auto_execute = False
     assert [mark.name for mark in marks.iterdir()] == []
+
+
+def test_a_fluid_writes_no_cache_where_the_file_says(tmp_path, capsys):
+    """It is left out, with a note, and is there in the output."""
+    if not bpy.app.build_options.fluid:
+        pytest.skip("this Blender has no fluids")
+    floor("Floor")
+    modifier = cube("Tank").modifiers.new("Fluid", "FLUID")
+    modifier.show_viewport = False
+    modifier.fluid_type = "DOMAIN"
+    assert modifier.domain_settings.cache_type == "REPLAY"
+    modifier.domain_settings.cache_directory = str(tmp_path / "cache")
+    scene, out, shown = save(tmp_path / "scene.blend"), tmp_path / "out.blend", []
+
+    def show(*_arguments):
+        bpy.data.objects["Tank"].modifiers["Fluid"].show_viewport = True
+
+    def hide(*_arguments):
+        shown.append(bpy.data.objects["Tank"].modifiers["Fluid"].show_viewport)
+        bpy.data.objects["Tank"].modifiers["Fluid"].show_viewport = False
+
+    with _handled(bpy.app.handlers.save_pre, show), _handled(bpy.app.handlers.save_post, hide):
+        save(scene)  # never evaluated with the fluid, which would make the folder
+    assert run(scene, "--frames", "1-2", "--output", out) == 0
+    assert "note: object 'Tank' has a fluid of cache type Replay" in capsys.readouterr().out
+    with _handled(bpy.app.handlers.load_post, hide):
+        bpy.ops.wm.open_mainfile(filepath=str(out))
+    assert shown == [True, True]
+    assert not (tmp_path / "cache").exists()
 
 
 @pytest.mark.parametrize("name", ["plain.blend", "packed.blend", "text.usda", "binary.usdc", "ogawa.abc"])

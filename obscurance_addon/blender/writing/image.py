@@ -100,7 +100,7 @@ class StagedImage:
             A file could not be replaced, or Blender could not load or pack it.
         """
         try:
-            with replaced(self._parts if self._path else []):
+            with replaced(self._parts if self._path else [], self._names):
                 image = self._into_blend()
             _reload_others(image, self.files)
             return image

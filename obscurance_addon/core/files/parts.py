@@ -10,7 +10,7 @@ import os
 import shutil
 import uuid
 import weakref
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Set
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -37,6 +37,7 @@ class Parts:
 
     def __init__(self, folder: str | Path) -> None:
         self._folder, self._made = Path(folder), 0
+        self._kept: set[Path] = set()
         _sweep(self._folder)
         self._stem = f"{_PREFIX}{uuid.uuid4().hex[:12]}"
         self._lock = locked(self._folder / (self._stem + _LOCK))
@@ -48,15 +49,19 @@ class Parts:
     def __exit__(self, *_error: object) -> None:
         self.close()
 
-    def new(self, suffix: str) -> Path:
+    def new(self, suffix: str, kind: str = ".part") -> Path:
         """A path that nobody else uses; writers may add to its name."""
         self._made += 1
-        return self._folder / f"{self._stem}.{self._made}.part{suffix}"
+        return self._folder / f"{self._stem}.{self._made}{kind}{suffix}"
+
+    def keep(self, path: Path) -> None:
+        """Let a file stay at the end."""
+        self._kept.add(path)
 
     def close(self) -> None:
         """Remove what is left; harmless to repeat."""
         _open.discard(self)
-        _remove(self._folder, self._stem)
+        _remove(self._folder, self._stem, self._kept)
         if self._lock is not None:
             self._lock.close()
 
@@ -105,29 +110,27 @@ def finished(part: str | Path, check: Callable[[Path], None]) -> None:
 
 
 @contextmanager
-def replaced(files: Sequence[tuple[str, str]]) -> Iterator[None]:
+def replaced(files: Sequence[tuple[str, str]], parts: Parts | None) -> Iterator[None]:
     """Put finished part files in the place of others for good, or, when the body fails, only until then.
 
     Parameters
     ----------
     files : sequence of (str, str)
         Part and target, without links.
+    parts : Parts, optional
+        That the part files are of; None where there are no files.
     """
-    aside: list[tuple[str, str]] = []  # the old file under another name, or '' if there was none, and the target
+    aside: list[tuple[Path | None, str]] = []  # the old file under another name, if there was one, and the target
     try:
         for part, target in files:
-            old = _set_aside(target)
+            old = _set_aside(target, parts)
             aside.append((old, target))
             _put(part, target)
         yield
     except BaseException:
         for old, target in aside:
-            with suppress(OSError):
-                _restore(old, target)
+            _restore(old, target, parts)
         raise
-    for old in filter(None, (old for old, _ in aside)):
-        with suppress(OSError):
-            os.unlink(old)
 
 
 def _put(part: str | Path, target: str | Path) -> None:
@@ -138,11 +141,11 @@ def _put(part: str | Path, target: str | Path) -> None:
     os.replace(part, target)
 
 
-def _set_aside(target: str) -> str:
+def _set_aside(target: str, parts: Parts) -> Path | None:
     """Give an existing file a second name, and return that."""
     if not os.path.lexists(target):
-        return ""
-    old = os.path.join(os.path.dirname(target), f"{_PREFIX}{uuid.uuid4().hex[:12]}.old")
+        return None
+    old = parts.new("", ".old")
     try:
         os.link(target, old)
     except OSError:  # the file system has no links
@@ -150,14 +153,16 @@ def _set_aside(target: str) -> str:
     return old
 
 
-def _restore(old: str, target: str) -> None:
+def _restore(old: Path | None, target: str, parts: Parts) -> None:
     """Undo the replacement of a file, if there has been one; where this fails the old file stays beside it."""
-    if not old:
-        os.unlink(target)
-        return
-    os.replace(old, target)
-    if os.path.lexists(old):  # the two are one file still, which renaming leaves alone
-        os.unlink(old)
+    try:
+        if old is None:
+            os.unlink(target)
+        else:
+            os.replace(old, target)  # if the two are one file still, both names stay
+    except OSError:
+        if old is not None:
+            parts.keep(old)
 
 
 def _sweep(folder: Path) -> None:
@@ -170,10 +175,10 @@ def _sweep(folder: Path) -> None:
                     _remove(folder, path.name.removesuffix(_LOCK))
 
 
-def _remove(folder: Path, stem: str) -> None:
+def _remove(folder: Path, stem: str, kept: Set[Path] = frozenset()) -> None:
     """Remove all that has a name of these parts, the lock at the end."""
     lock = folder / (stem + _LOCK)
-    for path in [*(found for found in folder.glob(f"{stem}.*") if found != lock), lock]:
+    for path in [*(set(folder.glob(f"{stem}.*")) - kept - {lock}), lock]:
         with suppress(OSError):
             if path.is_dir() and not path.is_symlink():
                 shutil.rmtree(path, ignore_errors=True)

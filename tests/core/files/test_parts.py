@@ -9,7 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from obscurance_addon.core.files import NotWholeError, Parts, PrivateFolder, TargetError, let_go_of_all, written_whole
+from obscurance_addon.core.files import (
+    NotWholeError,
+    Parts,
+    PrivateFolder,
+    TargetError,
+    let_go_of_all,
+    replaced,
+    written_whole,
+)
 
 pytest.importorskip("fcntl")
 ROOT = Path(__file__).parents[3]
@@ -95,6 +103,27 @@ def test_parts_of_killed_runs_are_removed_by_the_next_one(tmp_path):
             assert not set(left) & set(names(tmp_path))
             assert len(names(tmp_path)) == len(others) + 3
     assert names(tmp_path) == sorted(others)
+
+
+def test_an_old_file_that_cannot_be_put_back_stays_beside_the_new_one(tmp_path, monkeypatch):
+    """Nobody else has it."""
+    file, calls = tmp_path / "file.txt", []
+    file.write_text("old")
+
+    def only_once(*arguments, real=os.replace):
+        calls.append(arguments)
+        if len(calls) > 1:
+            raise PermissionError(13, "Permission denied")
+        real(*arguments)
+
+    monkeypatch.setattr(os, "replace", only_once)
+    with Parts(tmp_path) as parts:
+        parts.new(".txt").write_text("new")
+        part = next(tmp_path.glob("*.part.txt"))
+        with pytest.raises(RuntimeError), replaced([(str(part), str(file))], parts):
+            raise RuntimeError
+    assert file.read_text() == "new"
+    assert sorted(path.read_text() for path in tmp_path.iterdir()) == ["new", "old"]
 
 
 def test_all_is_let_go_of_at_once(tmp_path):

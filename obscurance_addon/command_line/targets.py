@@ -80,7 +80,7 @@ class Targets:
                 self._claim(f"--image of {scene}", image)
         if options.frames is not None:
             for output in outputs(options):
-                self._claim_folder("the frame cache", frame_cache(options, output))
+                self._claim_folder(f"the frame cache of {output}", frame_cache(options, output))
 
     def check_report(self) -> None:
         """Make sure, as far as one can tell before, that the report can be written; raises TargetError."""
@@ -125,7 +125,7 @@ class Targets:
         for folder in self._folders:
             if Path(new.place).is_relative_to(folder.place):
                 raise ObscuranceError(f"{new} lies in {folder}: choose another folder")
-        may_be_tile = {_tiled(new.place, at) for at in _TILE.finditer(os.path.basename(path))}
+        may_be_tile = {_tiled(new.place, at) for at in _TILE.finditer(os.path.basename(new.place))}
         conflicts = places | {("tiles", name) for name in may_be_tile} | ({("tile", tiles)} if tiles else set())
         for old in (self._claims[key] for key in conflicts if key in self._claims):
             if (old.whose, old.place) != (new.whose, new.place):
@@ -139,6 +139,9 @@ class Targets:
         for old in self._claims.values():
             if Path(old.place).is_relative_to(new.place):
                 raise ObscuranceError(f"{old} lies in {new}: choose another folder")
+        for old in self._folders:
+            if old.whose != new.whose and old.place == new.place:
+                raise ObscuranceError(f"{new} is the folder of {old}: give the files other names")
         self._folders.append(new)
 
 

@@ -25,11 +25,11 @@ def register():
     global _cli_command
     import bpy
 
-    from .command_line import main
+    from .command_line import command
 
     for part in _parts():
         part.register()
-    _cli_command = bpy.utils.register_cli_command("obscurance", main)
+    _cli_command = bpy.utils.register_cli_command("obscurance", command)
 
 
 def unregister():

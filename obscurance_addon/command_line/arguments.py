@@ -6,13 +6,14 @@ import argparse
 import re
 from pathlib import Path
 
-from ..core.errors import SettingsError
+from ..core.errors import ObscuranceError
 from ..core.falloff import Falloff
 from ..core.light import Ambient, LightSettings, Quantity
 from ..core.lightmap import LightmapSettings, UvMode
 from ..core.order import ImageFormat, OutputSettings, Target
 from ..core.settings import BakeSettings, Sampler
 from ..version import version
+from .targets import Targets, images
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
@@ -68,6 +69,11 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     _add_lightmap(bake.add_argument_group("with target LIGHTMAP"))
     _add_frames(bake.add_argument_group("animation"))
     bake.add_argument("--report", type=Path, metavar="FILE.json", help="write what was done as JSON")
+    bake.add_argument(
+        "--trust-paths",
+        action="store_true",
+        help="write lightmaps where the .blend asks for, also outside of the output's folder",
+    )
     bake.add_argument("--quiet", action="store_true", help="print errors only")
     options = parser.parse_args(_joined(arguments))
     if options.output and len(options.scenes) > 1:
@@ -75,9 +81,6 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     names = [scene.name for scene in options.scenes]
     if options.output_dir and len(set(names)) < len(names):
         bake.error("two scenes have the same file name, so --output-dir would write one over the other")
-    written = {path.resolve() for path in outputs(options)}
-    if options.report and options.report.resolve() in written.union(scene.resolve() for scene in options.scenes):
-        bake.error("--report names a .blend that is read or written: give the report a name of its own")
     if options.image_path and len(set(images(options))) < len(options.scenes):
         bake.error("--image would be written by several scenes: start it with // and have each in a folder of its own")
     if options.frames is None and (options.frame_cache or options.export):
@@ -91,7 +94,8 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         LightSettings(**light_changes(options))
         OutputSettings(**output_changes(options))
         LightmapSettings(**lightmap_changes(options))
-    except SettingsError as error:
+        options.targets = Targets(options)
+    except ObscuranceError as error:
         bake.error(str(error))
     return options
 
@@ -129,11 +133,6 @@ def _add_frames(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def frame_cache(options: argparse.Namespace, output: Path) -> Path:
-    """The folder of the frame cache of a scene whose file is `output`."""
-    return options.frame_cache or output.with_name(f"{output.stem}_frames")
-
-
 def _joined(arguments: list[str]) -> list[str]:
     """The arguments with negative frames joined to their option, which argparse takes for an option else."""
     joined: list[str] = []
@@ -154,21 +153,6 @@ def _frames(text: str) -> tuple[int, int]:
     if last < first:
         raise argparse.ArgumentTypeError(f"the frames {text} end before they begin: write the first one first")
     return first, last
-
-
-def images(options: argparse.Namespace) -> list[Path]:
-    """The lightmap file of each scene, where one is asked for."""
-    path = options.image_path
-    if not path.startswith("//"):
-        return [Path(path).resolve()] * len(options.scenes)
-    return [scene.resolve().parent / path[2:] for scene in options.scenes]
-
-
-def outputs(options: argparse.Namespace) -> list[Path]:
-    """The file to write for each scene."""
-    if options.output:
-        return [options.output]
-    return [options.output_dir / scene.name if options.output_dir else scene for scene in options.scenes]
 
 
 def _distance(text: str) -> float | None:

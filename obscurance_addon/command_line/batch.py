@@ -8,28 +8,31 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
-import math
 import os
-import shutil
-import sys
 import time
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from ..core.errors import ObscuranceError
+from ..core.files import TargetError, check_whole, written_whole
 from ..core.light import LightSettings
 from ..core.lightmap import LightmapSettings
 from ..core.notes import named
-from ..core.order import OutputSettings
+from ..core.order import OutputSettings, Target
 from ..core.settings import BakeSettings
-from ..version import version
-from .arguments import estimator_changes, frame_cache, light_changes, lightmap_changes, output_changes, outputs, parse
-from .terminal import Terminal, blender_silent, complain
+from .arguments import estimator_changes, light_changes, lightmap_changes, output_changes, parse
+from .process import end_on_interrupt
+from .report import finite, lightmap_settings, peak_memory, write_report
+from .targets import frame_cache, outputs
+from .terminal import Terminal, complain, explain
 
 DONE, FAILED = 0, 1
+
+
+def command(arguments: list[str]) -> int:
+    """As `main`, for a process that runs nothing else: Ctrl-C ends it."""
+    end_on_interrupt()
+    return main(arguments)
 
 
 def main(arguments: list[str]) -> int:
@@ -47,39 +50,41 @@ def main(arguments: list[str]) -> int:
     """
     options = parse(arguments)
     began = time.perf_counter()
-    if options.report and (problem := _cannot_write(options.report)):
-        complain(f"{options.report}: {problem}")
+    try:
+        options.targets.check_report()
+        files = [_bake_file(*paths, options) for paths in zip(options.scenes, outputs(options), strict=True)]
+        if options.report:
+            write_report(options.report, files, time.perf_counter() - began)
+    except TargetError as error:
+        complain(f"{options.report}: {error}")
         return FAILED
-    files = [_bake_file(scene, output, options) for scene, output in zip(options.scenes, outputs(options), strict=True)]
-    failed = sum("error" in entry for entry in files)
-    if options.report:
-        report = {
-            "version": version(),
-            "blender": _blender_version(),
-            "seconds": time.perf_counter() - began,
-            "peak_memory_bytes": _peak_memory(),
-            "files": files,
-        }
-        try:
-            with _written_whole(options.report) as part:
-                part.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-        except OSError as error:
-            complain(f"{options.report}: the report could not be written ({error.strerror})")
-            return FAILED
-    return FAILED if failed else DONE
+    return FAILED if any("error" in entry for entry in files) else DONE
+
+
+@dataclasses.dataclass(frozen=True)
+class _File:
+    """One file of a run: from where, to where, as the options say, and what has been written for it so far."""
+
+    scene: Path
+    output: Path
+    options: argparse.Namespace
+    say: Terminal
+    written: list[str] = dataclasses.field(default_factory=list)
 
 
 def _bake_file(scene: Path, output: Path, options: argparse.Namespace) -> dict:
     """Bake one file; never raises, so that the others are baked too. Returns its entry of the report."""
     say = Terminal(scene, options.quiet)
+    file = _File(scene, output, options, say)
     try:
-        entry = _open_bake_save(scene, output, options, say)
+        entry = _open_bake_save(file)
     except Exception as error:
         say.end()
         if not isinstance(error, (ObscuranceError, OSError, RuntimeError, MemoryError)):
-            traceback.print_exc()  # a bug, which the message alone would not let anybody find
-        complain(f"{scene}: {_plain(error)}")
-        return {"scene": str(scene), "error": _plain(error)}
+            explain(traceback.format_exc())  # a bug, which the message alone would not let anybody find
+        also = f" (written before: {', '.join(file.written)})" if file.written else ""
+        complain(f"{scene}: {_reason(error)}{also}")
+        return {"scene": str(scene), "error": _reason(error), "written": file.written}
     for warning in entry["warnings"]:
         say.line(f"{scene}: note: {warning}")
     return entry
@@ -110,60 +115,88 @@ class _Asked:
         """All settings by name."""
         parts = (self.settings, self.output, self.light)
         values = {name: value for part in parts for name, value in dataclasses.asdict(part).items()}
-        return values | _lightmap_settings(self.lightmap)
+        return values | lightmap_settings(self.lightmap)
 
 
-def _open_bake_save(scene: Path, output: Path, options: argparse.Namespace, say: Terminal) -> dict:
+def _open_bake_save(file: _File) -> dict:
+    """Bake one file; its entry of the report."""
     import bpy
 
+    from ..blender.animation import export_whole
     from ..blender.reading import ObjectModeGuard
+    from .blend_file import BlendFile
 
-    began = time.perf_counter()
-    if not scene.is_file():
-        raise ObscuranceError("this is a folder: name a .blend" if scene.is_dir() else "no such file: check the path")
-    for path in filter(None, (output, options.export)):
-        if problem := _cannot_write(path):
-            raise ObscuranceError(problem)
-    with blender_silent():
-        bpy.ops.wm.open_mainfile(filepath=str(scene.resolve()), load_ui=False)
+    began, scene, output, options = time.perf_counter(), file.scene, file.output, file.options
+    _check_scene(scene)
+    options.targets.check(output)
+    blend = BlendFile(scene, options.trust_paths)
+    blend.check_version(output)
     loaded = time.perf_counter()
     context = bpy.context
     opened = context.scene.name
     _enter_scene(context, options.scene)
     asked = _Asked.of(context.scene, options)
+    _claim_image(asked.output, file)
     guard = ObjectModeGuard(context)
     objects = _objects(context, options)
     bake = _bake_once if options.frames is None else _bake_frames
-    entry, summary = bake(context, objects, asked, output, options, say)
+    entry, summary = bake(context, objects, asked, file)
     guard.restore(context)
     _enter_scene(context, opened)  # the saved file opens as it did
     baked = time.perf_counter()
-    with _written_whole(output) as part:
-        with scene.open("rb") as source:
-            compress = source.read(7) != b"BLENDER"
-        with blender_silent():
-            bpy.ops.wm.save_as_mainfile(filepath=str(part), copy=True, compress=compress, check_existing=False)
+    blend.save(output)
     saved = time.perf_counter()
+    file.written.append(str(output))
     entry["seconds"] = {"load": loaded - began, **entry["seconds"], "save": saved - baked}
+    entry["warnings"] = blend.notes + entry["warnings"]
     if options.export is not None:
-        _export(output, Path(entry["frame_cache"]), options.export)
+        with written_whole(options.export, check_whole) as part:
+            export_whole(output, Path(entry["frame_cache"]), part, options.export.name)
         entry["seconds"]["export"] = time.perf_counter() - saved
-    say.end()
-    say.line(f"{scene} -> {output}: {summary}")
-    return {"scene": str(scene), "output": str(output), **entry, "peak_memory_bytes": _peak_memory()}
+        file.written.append(str(options.export))
+    file.say.end()
+    file.say.line(f"{scene} -> {output}: {summary}")
+    if len(file.written) > 1:
+        file.say.line(f"{scene}: written: {', '.join(file.written)}")
+    return {
+        "scene": str(scene),
+        "output": str(output),
+        "written": file.written,
+        **entry,
+        "peak_memory_bytes": peak_memory(),
+    }
 
 
-def _bake_once(
-    context, objects: list, asked: _Asked, _output: Path, _options: argparse.Namespace, say: Terminal
-) -> tuple[dict, str]:
+def _check_scene(scene: Path) -> None:
+    """Make sure that there is a file to open; raises ObscuranceError."""
+    if scene.is_file():
+        return
+    if scene.is_symlink() and not scene.exists():
+        raise ObscuranceError("this link leads nowhere: name a .blend")
+    if scene.exists():
+        raise ObscuranceError(f"this is {'a folder' if scene.is_dir() else 'no file'}: name a .blend")
+    raise ObscuranceError("no such file: check the path")
+
+
+def _claim_image(output: OutputSettings, file: _File) -> None:
+    """Make sure that a lightmap, if one is asked for, may go to its file."""
+    from ..blender.writing import absolute_path, check_path, tiled_path
+
+    if output.target is Target.LIGHTMAP and output.image_path:
+        path = absolute_path(check_path(output.image_path, output.image_format))
+        file.options.targets.claim_image(path, tiled_path(path), file.scene, file.output)
+
+
+def _bake_once(context, objects: list, asked: _Asked, file: _File) -> tuple[dict, str]:
     """Bake the scene as it is; the entry of the report, and a line for the terminal."""
     from ..blender.jobs import BakeJob
 
     job = BakeJob(context, objects, asked.settings, asked.output, asked.light, asked.lightmap)
-    report = job.run(on_step=say.progress)
+    report = job.run(on_step=file.say.progress)
+    file.written.extend(report.lightmap.files if report.lightmap else [])
     traced = report.seconds["trace"] + report.seconds.get("light", 0.0)
     return {
-        "settings": asked.described() | {"distance": _finite(report.d_max)},
+        "settings": asked.described() | {"distance": finite(report.d_max)},
         "objects": report.objects,
         "patches": report.patches,
         "triangles": report.triangles,
@@ -181,12 +214,11 @@ def _bake_once(
     }, report.summary()
 
 
-def _bake_frames(
-    context, objects: list, asked: _Asked, output: Path, options: argparse.Namespace, say: Terminal
-) -> tuple[dict, str]:
+def _bake_frames(context, objects: list, asked: _Asked, file: _File) -> tuple[dict, str]:
     """Bake a range of frames; results as for `_bake_once`."""
     from ..blender.animation import FrameCache, FrameRange, bake_frames, check_exportable, play_back
 
+    options, output = file.options, file.output
     folder = Path(os.path.abspath(frame_cache(options, output)))
     if options.export is not None:
         check_exportable(objects, options.frames[0], options.export)
@@ -204,14 +236,15 @@ def _bake_frames(
                 "full_bake": report.full,
             }
         )
-        say.frame(frame, report)
+        file.say.frame(frame, report)
 
-    settings = asked.described() | {"distance": asked.settings.distance and _finite(asked.settings.distance)}
+    settings = asked.described() | {"distance": asked.settings.distance and finite(asked.settings.distance)}
     ceiling = context.scene.obscurance.preview_memory << 20
     warnings = bake_frames(context, objects, asked.settings, asked.output, asked.light, frames, ceiling, settings, tell)
+    file.written.append(str(folder))
     cache = FrameCache.open(folder)
     baked = time.perf_counter()
-    play_back(context.scene, cache, output.resolve().parent)
+    play_back(context.scene, cache, Path(os.path.realpath(output)).parent)
     rays = sum(one["rays"] for one in told)
     return {
         "settings": settings,
@@ -226,28 +259,6 @@ def _bake_frames(
         f"Baked {len(frames)} frames of {len(cache.names)} objects with {rays:,} rays in {baked - began:.2f} s into "
         f"'{folder}'"
     )
-
-
-def _export(output: Path, folder: Path, target: Path) -> None:
-    """Export the animation that was saved; whatever happens to it, what was baked is on disk by now."""
-    from ..blender.animation import export_whole
-
-    try:
-        with _written_whole(target) as part:
-            export_whole(output, folder, part, target.name)
-    except (ObscuranceError, OSError) as error:
-        raise ObscuranceError(f"{_plain(error)}. What was baked is in '{output}' all the same") from error
-
-
-def _lightmap_settings(lightmap: LightmapSettings) -> dict:
-    """Lightmap settings under the names of the scene's properties."""
-    settings = dataclasses.asdict(lightmap)
-    return {"lightmap_size": settings.pop("size"), **settings}
-
-
-def _finite(distance: float) -> float | str:
-    """The distance as JSON can hold it, which knows no infinity: then as the command line takes it."""
-    return distance if math.isfinite(distance) else "inf"
 
 
 def _enter_scene(context, name: str | None) -> None:
@@ -279,49 +290,12 @@ def _objects(context, options: argparse.Namespace) -> list:
     return [context.view_layer.objects[name] for name in names]
 
 
-@contextmanager
-def _written_whole(target: Path) -> Iterator[Path]:
-    """A path beside `target` to write to, renamed at the end: a kill leaves the old file or the new one."""
-    target = target.resolve()
-    part = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
-    try:
-        yield part
-        with part.open("rb+") as written:
-            os.fsync(written.fileno())
-        if target.exists():
-            shutil.copymode(target, part)
-        part.replace(target)
-    finally:
-        part.unlink(missing_ok=True)
+def _reason(error: Exception) -> str:
+    """The message of an error on one line."""
+    from .blend_file import plain
 
-
-def _cannot_write(path: Path) -> str | None:
-    """Why a file cannot be written, and the cure; None when it can, as far as one can tell before."""
-    if path.is_dir():
-        return f"'{path}' is a folder: name a file"
-    if not path.resolve().parent.is_dir():
-        return f"the folder '{path.parent}' does not exist: create it first"
-    if not os.access(path.resolve().parent, os.W_OK):
-        return f"the folder '{path.parent}' cannot be written to: change its permissions or choose another"
-    return None
-
-
-def _plain(error: Exception) -> str:
-    """The message of an error on one line, without Blender's prefix; its type where it has no message."""
-    return " ".join(str(error).replace("Error: ", "", 1).split()) or type(error).__name__
-
-
-def _blender_version() -> str:
-    import bpy
-
-    return bpy.app.version_string
-
-
-def _peak_memory() -> int | None:
-    """Largest resident size of this process so far in bytes, None where the system does not tell."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024
+    if isinstance(error, MemoryError):
+        return (
+            f"there is too little memory ({plain(error)}): bake fewer objects, rays or texels, or close other programs"
+        )
+    return plain(error)

@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import pytest
 
+from obscurance_addon.command_line import batch
 from tests.blender.helpers import FACE_LAYER, floor
 
 pytestmark = [
@@ -16,10 +17,11 @@ pytestmark = [
     pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL"),
 ]
 ROOT = Path(__file__).parents[2]
+LEAVES = {"saving", "saved", "before renaming", "after renaming"}  # moments that leave a lock, or more
 
 # Runs the command line with one of its steps replaced by death, before or after doing what the step does.
 DRIVER = """
-import os, pathlib, signal, sys
+import os, signal, sys
 import bpy
 import obscurance_addon
 from obscurance_addon.command_line import batch
@@ -51,9 +53,9 @@ elif moment == "saving":
 elif moment == "saved":
     dies_before(os, "fsync")
 elif moment == "before renaming":
-    dies_before(pathlib.Path, "replace")
+    dies_before(os, "replace")
 elif moment == "after renaming":
-    dies_after(pathlib.Path, "replace")
+    dies_after(os, "replace")
 os._exit(batch.main(["bake", scene, "--quiet"]))
 """
 
@@ -90,7 +92,7 @@ def is_new(path):
     ],
 )
 def test_a_kill_at_this_moment_leaves_the_old_or_the_new_file(scene, moment, new):
-    """The old one is the same to the byte; a later run succeeds."""
+    """The old one is the same to the byte; a later run succeeds, and removes what this one left."""
     before = scene.read_bytes()
     done = subprocess.run(
         [sys.executable, "-c", DRIVER, moment, str(scene)], cwd=ROOT, capture_output=True, timeout=120, check=False
@@ -98,6 +100,9 @@ def test_a_kill_at_this_moment_leaves_the_old_or_the_new_file(scene, moment, new
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert (scene.read_bytes() == before) == (not new)
     assert is_new(scene) == new
+    assert (len(list(scene.parent.iterdir())) > 1) == (moment in LEAVES)
+    assert batch.main(["bake", str(scene), "--quiet"]) == 0
+    assert [path.name for path in scene.parent.iterdir()] == ["scene.blend"]
 
 
 def test_a_kill_at_the_first_sign_of_writing_leaves_the_old_or_the_new_file(scene, tmp_path):

@@ -17,6 +17,7 @@ ROOT = Path(obscurance_addon.__file__).parent
 ORDER = (
     ("version",),
     ("core",),
+    ("core.files",),
     ("core.process",),
     ("core.sampling",),
     ("core.scene",),

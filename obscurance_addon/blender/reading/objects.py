@@ -88,7 +88,7 @@ class SceneReader:
         key = ob.data.as_pointer()
         surface_key = (key, *map(id, shadings))
         if surface_key not in self._surfaces:
-            with self._evaluated(ob) as made:
+            with self._evaluated(ob, shadings) as made:
                 if key not in self._meshes:
                     mesh = read_mesh(made.mesh, self.lightmap and self.lightmap.uv_map)
                     self._meshes[key] = replace(mesh, face_origin=made.face_origin, rest=made.rest)
@@ -108,13 +108,14 @@ class SceneReader:
             ob.original.data.session_uid,
         )
 
-    def _evaluated(self, ob: bpy.types.Object) -> AbstractContextManager[EvaluatedMesh]:
+    def _evaluated(self, ob: bpy.types.Object, shadings: list[Shading]) -> AbstractContextManager[EvaluatedMesh]:
         """The mesh of an evaluated object or instance, with where its faces come from if that has to be told."""
         original = ob.original
         keeps_uv = self.lightmap is not None and self.lightmap.uv_mode is UvMode.KEEP
         if isinstance(original.data, bpy.types.Mesh) and may_change_topology(original) and not keeps_uv:
             own = original.evaluated_get(self._depsgraph)  # an instance may be of it, or of what its nodes made
-            results = {*self.baked_layers, *result_layers(original.data)}
+            looked_up = any(shading.uv_maps() for shading in shadings)
+            results = {*self.baked_layers, *result_layers(original.data, looked_up)}
             if own.data.as_pointer() == ob.data.as_pointer() and (
                 original.session_uid in self._wanted or not results.isdisjoint(original.data.attributes.keys())
             ):
@@ -217,11 +218,10 @@ def instance_key(instance: bpy.types.DepsgraphObjectInstance) -> Hashable:
     return instance.parent.original.session_uid, uid, tuple(instance.persistent_id)
 
 
-def result_layers(mesh: bpy.types.Mesh) -> set[str]:
-    """Names of the layers of a mesh that bakes made, but for a UV map by which textures are looked up."""
-    uv_maps = {layer.uv_map for layer in mesh.obscurance_layers if layer.made_uv_map}
-    rendered = {layer.name for layer in mesh.uv_layers if layer.active_render}
-    return {layer.name for layer in mesh.obscurance_layers if not layer.uv_map} | (uv_maps - rendered)
+def result_layers(mesh: bpy.types.Mesh, looked_up: bool) -> set[str]:
+    """Names of the layers of a mesh that bakes made, but for a UV map by which textures are `looked_up`."""
+    names = {layer.name for layer in mesh.obscurance_layers if any(layer.made())}
+    return names - {layer.name for layer in mesh.uv_layers if looked_up and layer.active_render}
 
 
 def materials_of(ob: bpy.types.Object) -> tuple[int, ...]:

@@ -119,8 +119,9 @@ def _has(mesh: bpy.types.Mesh, name: str, domain: str) -> bool:
 @contextmanager
 def _riding(mesh: bpy.types.Mesh, name: str, kind: str, domain: str) -> Iterator[str]:
     """The name of an attribute that an evaluated mesh has while the block lasts."""
-    while mesh.attributes.new(name, kind, domain) is None:  # taken by an attribute or a vertex group
+    while (made := mesh.attributes.new(name, kind, domain)) is None:  # a vertex group has the name
         name += "_"
+    name = made.name  # numbered where an attribute has it
     try:
         yield name
     finally:

@@ -11,13 +11,13 @@ import os
 import re
 import shutil
 import tempfile
-import uuid
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import bpy
 import numpy as np
 
+from ...core.files import Parts, TargetError, check_whole, finished, replaced
 from ...core.order import ImageFormat
 from ..marks import MADE_HERE
 from .image_files import (
@@ -29,7 +29,6 @@ from .image_files import (
     comparable,
     has_tile_token,
     loaded_files,
-    moved,
     stored_path,
     tile_file,
     tiled_path,
@@ -55,6 +54,7 @@ class StagedImage:
             self._path = path and tiled_path(path)
             self._load_path = tiled_path(self._load_path)
         self._parts: list[tuple[str, str]] = []  # part file, and the file that it becomes
+        self._names: Parts | None = None  # of the part files
 
     @property
     def files(self) -> list[str]:
@@ -71,18 +71,23 @@ class StagedImage:
         """
         index = len(self._parts)
         target = os.path.realpath(tile_file(self._load_path, self._tiles[index]) if self._tiles else self._load_path)
-        part = target
-        if self._path:
-            part = f".obscurance-{uuid.uuid4().hex[:12]}.part{self._format.extension}"
-            part = os.path.join(os.path.dirname(target), part)
-        self._parts.append((part, target))
         try:
-            _write(part, pixels, self._format)
+            self._parts.append((self._part_for(target), target))
+            _write(self._parts[-1][0], pixels, self._format)
+            finished(self._parts[-1][0], check_whole)
         except (OSError, RuntimeError) as error:
             place = f"'{target}'" if self._path else f"the temporary file '{target}'"
             raise ImageFileError(
                 f"{place} could not be written ({_reason(error)}): make room on the disk, or choose another folder"
             ) from error
+
+    def _part_for(self, target: str) -> str:
+        """Where a page is written first: beside its file, or in place in the temporary folder."""
+        if not self._path:
+            return target
+        if self._names is None:
+            self._names = Parts(os.path.dirname(target))
+        return str(self._names.new(self._format.extension))
 
     def land(self) -> bpy.types.Image:
         """Put the files where they belong and the image into the .blend; on failure everything is as it was.
@@ -95,10 +100,12 @@ class StagedImage:
             A file could not be replaced, or Blender could not load or pack it.
         """
         try:
-            with moved(self._parts if self._path else []):
+            with replaced(self._parts if self._path else [], self._names):
                 image = self._into_blend()
             _reload_others(image, self.files)
             return image
+        except TargetError as error:
+            raise ImageFileError(str(error)) from error
         except (OSError, RuntimeError) as error:
             where = f"'{self._path}'" if self._path else f"the packed image '{self._name}'"
             raise ImageFileError(
@@ -109,9 +116,8 @@ class StagedImage:
 
     def discard(self) -> None:
         """Remove the part files; harmless when there are none any more."""
-        for part, _ in self._parts:
-            with suppress(OSError):
-                os.unlink(part)
+        if self._names is not None:
+            self._names.close()
         if self._scratch:
             shutil.rmtree(self._scratch, ignore_errors=True)
 

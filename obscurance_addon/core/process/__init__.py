@@ -5,7 +5,7 @@ answers, or an error that says how the process ended.
 """
 
 from .channel import Channel
-from .child import ChildEndedError, ChildProcess
+from .child import ChildEndedError, ChildProcess, kill_all
 from .page import ProgressPage
 
-__all__ = ["Channel", "ChildEndedError", "ChildProcess", "ProgressPage"]
+__all__ = ["Channel", "ChildEndedError", "ChildProcess", "ProgressPage", "kill_all"]

@@ -5,27 +5,22 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import os
-import shutil
 import signal
 import subprocess
 import sys
-import tempfile
+import weakref
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import IO
 
 from ..errors import BackendError
+from ..files import PrivateFolder
 from .channel import Channel
 from .page import ProgressPage
 
-try:
-    import fcntl
-except ImportError:  # Windows, whose system cleans up temporary files
-    fcntl = None
-
-_PREFIX, _OWNER = "obscurance-", "owner"
 _START = Path(__file__).with_name("start.py")
 _PACKAGE_FOLDER = Path(__file__).parents[2]
+
+_running: weakref.WeakSet[ChildProcess] = weakref.WeakSet()
 
 _log = logging.getLogger(__name__)
 
@@ -61,8 +56,9 @@ class ChildProcess:
         self.answered = False
         made: list[Callable[[], None]] = []  # what is to be undone
         try:
-            _sweep()
-            self.folder, self._owned = _new_folder(made)
+            self._private = PrivateFolder()
+            made.append(self._private.close)
+            self.folder = self._private.path
             self.page = ProgressPage(self.folder)
             made.append(self.page.close)
             ours, theirs = multiprocessing.Pipe()
@@ -74,6 +70,7 @@ class ChildProcess:
                 undo()
             raise ChildEndedError(f"the system does not start it ({error})") from error
         self._channel = Channel(ours, self.folder)
+        _running.add(self)
 
     @property
     def pid(self) -> int:
@@ -108,14 +105,18 @@ class ChildProcess:
 
     def end(self) -> None:
         """End it at once, and remove what it left; harmless when it has ended."""
+        _running.discard(self)
         self._process.kill()
         self._process.wait()
         self._process.stdin.close()
         self._channel.close()
         self.page.close()
-        if self._owned is not None:
-            self._owned.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
+        self._private.close()
+
+    def kill(self) -> None:
+        """Kill it without waiting, at any moment, from a signal handler too; nothing may be asked of it any more."""
+        self._process.kill()
+        self._private.close()
 
     def printed(self) -> list[str]:
         """Lines that it or its libraries printed."""
@@ -140,6 +141,12 @@ class ChildProcess:
         return ChildEndedError(said[-1] if said else f"exit code {code}")
 
 
+def kill_all() -> None:
+    """Kill all child processes without waiting, and remove what they leave, for a process that ends at once."""
+    for child in list(_running):
+        child.kill()
+
+
 def _popen(handle: int, folder: Path, module: str, printed: object) -> subprocess.Popen:
     """Start a child that inherits one end of a pipe."""
     name = __name__.rpartition(".core.")[0].rpartition(".")[2]
@@ -156,36 +163,3 @@ def _popen(handle: int, folder: Path, module: str, printed: object) -> subproces
     os.set_handle_inheritable(handle, True)
     startup = subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})
     return subprocess.Popen(startupinfo=startup, creationflags=subprocess.CREATE_NO_WINDOW, **common)
-
-
-def _new_folder(made: list[Callable[[], None]]) -> tuple[Path, IO | None]:
-    """A private folder, and the file in it that this process keeps locked where files can be locked.
-
-    It gets the name that `_sweep` looks for once that is so.
-    """
-    hidden = Path(tempfile.mkdtemp(prefix=f".{_PREFIX}"))
-    folder = hidden.with_name(hidden.name.removeprefix("."))
-    made += [lambda: shutil.rmtree(hidden, ignore_errors=True), lambda: shutil.rmtree(folder, ignore_errors=True)]
-    owned = None
-    if fcntl is not None:
-        try:
-            owned = open(hidden / _OWNER, "wb")  # noqa: SIM115 - closed with the child
-            made.append(owned.close)
-            fcntl.flock(owned, fcntl.LOCK_EX)
-        except OSError:  # a file system without locks: what two kills leave stays
-            (hidden / _OWNER).unlink(missing_ok=True)
-    hidden.rename(folder)
-    return folder, owned
-
-
-def _sweep() -> None:
-    """Remove the folders of processes that were killed together with their children: nobody locks these."""
-    if fcntl is None:
-        return
-    for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*/{_OWNER}"):
-        try:
-            with open(path, "r+b") as file:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                shutil.rmtree(path.parent, ignore_errors=True)
-        except OSError:
-            continue  # its owner lives, or it is somebody else's

@@ -14,7 +14,7 @@ import pytest
 
 from obscurance_addon.blender.marks import MADE_HERE
 from obscurance_addon.blender.writing import image as lightmap_image
-from obscurance_addon.blender.writing import image_files, image_formats
+from obscurance_addon.blender.writing import image_formats
 from obscurance_addon.blender.writing.image import stage
 from obscurance_addon.blender.writing.image_files import ImageFileError, check_path
 from obscurance_addon.core.order.output import ImageFormat
@@ -484,6 +484,8 @@ def test_extension_is_added_or_kept(tmp_path):
         ("{}/map.png", "EXR_HALF", "ends in .png, but .* end in .exr: change"),
         ("{}/map.exr", "PNG_8", "ends in .exr, but .* end in .png: change"),
         ("{}/map.jpg", "HDR", "ends in .jpg"),
+        ("{}/protected.exr", "EXR_HALF", "is write-protected"),
+        ("{}/link.exr", "EXR_HALF", "is a device, which must not be replaced"),
         ("{}/" + "m" * 300, "HDR", "cannot be used"),
         ("{}/" + "m/" * 600 + "map.exr", "EXR_HALF", "too long"),
     ],
@@ -492,6 +494,8 @@ def test_paths_that_cannot_be_used(path, image_format, words, tmp_path):
     for folder in ("folder", "folder.exr", "folder.1001.exr"):
         (tmp_path / folder).mkdir()
     (tmp_path / "file").touch()
+    (tmp_path / "protected.exr").touch(mode=0o444)
+    (tmp_path / "link.exr").symlink_to(os.devnull)
     before, path = names(tmp_path), path.format(tmp_path)
     with pytest.raises(ImageFileError, match=words) as caught:
         check_path(path, ImageFormat(image_format))
@@ -612,9 +616,7 @@ def test_a_file_that_cannot_be_replaced(old, tmp_path, monkeypatch):
     staged = stage(flat(3.0, 4.0), "Lightmap", str(tmp_path / "map"), ImageFormat.EXR_HALF)
     with monkeypatch.context() as patched:
         broken = failing(os.replace)
-        patched.setattr(
-            image_files.os, "replace", lambda a, b, real=os.replace: broken(a, b) if ".part" in a else real(a, b)
-        )
+        patched.setattr(os, "replace", lambda a, b, real=os.replace: broken(a, b) if ".part" in str(a) else real(a, b))
         with pytest.raises(ImageFileError, match=r"could not be replaced \(Permission denied\): close"):
             staged.land()
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == files
@@ -685,4 +687,6 @@ def test_killed(moment, levels, tmp_path):
     done = subprocess.run([sys.executable, "-c", KILLED, moment, str(path)], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert [loaded(tmp_path / f"map.{tile}.exr", image)[0, 0, 0] for tile in (1001, 1002)] == levels
-    assert all(name.startswith((".", "map")) for name in names(tmp_path))
+    assert (len(names(tmp_path)) > 2) == (moment != "2")
+    land(flat(1.0, 2.0), path=str(path))
+    assert names(tmp_path) == ["map.1001.exr", "map.1002.exr"]

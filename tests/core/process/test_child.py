@@ -1,6 +1,7 @@
 """Child processes begin, answer and end, and leave nothing behind, whoever is killed."""
 
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -156,7 +157,7 @@ def test_what_was_left_by_both_is_swept(own_folder):
     """The next child finds the folder that no living process owns, and leaves alone those that are owned."""
     left = own_folder / "obscurance-left"
     left.mkdir()
-    (left / "owner").touch()
+    (left / "owner").write_text(platform.node())
     (left / "1-1").write_bytes(bytes(100))
     first = ChildProcess(SERVER)
     assert not left.exists()

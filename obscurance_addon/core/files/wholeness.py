@@ -206,9 +206,11 @@ def _text(file: BinaryIO) -> bytes:
 
 def _sections_end(file: BinaryIO, at: int, size: int) -> bool:
     """Whether all that the table of contents at `at` names lies in a file."""
+    if not 0 < at < size:
+        return False
     file.seek(at)
     count = int.from_bytes(file.read(8), "little")
-    if not 0 < at < size or not 0 < count <= _USD_MAX_SECTIONS or at + 8 + count * _USD_SECTION_BYTES > size:
+    if not 0 < count <= _USD_MAX_SECTIONS or at + 8 + count * _USD_SECTION_BYTES > size:
         return False
     sections = file.read(count * _USD_SECTION_BYTES)
     places = (struct.unpack_from("<16x2q", sections, i) for i in range(0, len(sections), _USD_SECTION_BYTES))

@@ -8,7 +8,7 @@ WORKERS ?= auto
 RUN = $(VENV)/bin/python
 PYTEST = $(RUN) -m pytest -n $(WORKERS) --dist worksteal
 
-.PHONY: venv demo test test-core test-blender test-window extension wheel lint bench bake-folder figures samples clean
+.PHONY: venv demo test test-core test-blender test-window extension wheel lint random-edits bench bake-folder figures samples clean
 
 venv: $(VENV)/installed-$(BPY)
 
@@ -40,6 +40,12 @@ wheel: venv
 lint: venv
 	$(RUN) -m ruff check .
 	$(RUN) -m ruff format --check .
+
+# Edits scenes at random while Live Preview follows, and compares each with a full bake: STEPS edits, from SEED on.
+STEPS ?= 10000
+SEED ?= 1
+random-edits: venv
+	$(RUN) tools/random_edits.py --steps $(STEPS) --seed $(SEED)
 
 bench: venv
 	$(RUN) benchmarks/run.py

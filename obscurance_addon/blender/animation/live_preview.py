@@ -107,10 +107,14 @@ class LivePreview:
     def on_frame(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """A frame was set; the only place from where values are written within a frame."""
         self._distrust_while_baking()
-        if not self._follows(scene) or depsgraph.view_layer.name != bpy.context.view_layer.name:
+        if not self._follows(scene) or (depsgraph.mode == "RENDER" and scene.frame_subframe != 0.0):
             return
-        if depsgraph.mode == "RENDER" and scene.frame_subframe != 0.0:
-            return
+        view_layer = bpy.context.view_layer
+        if depsgraph.view_layer.name != view_layer.name:
+            if depsgraph.mode == "VIEWPORT" or view_layer.use:  # its own depsgraph comes too
+                return
+            view_layer.update()  # which a render leaves out
+            depsgraph = bpy.context.evaluated_depsgraph_get()
         if self._updater is not None and depsgraph.mode == "VIEWPORT":
             self._updater.note(depsgraph)
         elif self._updater is not None:  # of one that renders make anew for every frame
@@ -179,7 +183,6 @@ class LivePreview:
             if _others_listen():
                 self._distrust_updater()
             self._bring_up_to_date(scene, bpy.context.evaluated_depsgraph_get())
-            self._evaluate_unheard()
         else:
             self._busy = True
             try:
@@ -190,6 +193,7 @@ class LivePreview:
             finally:
                 self._busy = False
                 self._commits = commit_count()
+        self._evaluate_unheard()
         return None
 
     def _evaluate_unheard(self) -> None:

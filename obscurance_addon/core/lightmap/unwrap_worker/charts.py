@@ -114,16 +114,13 @@ def roughened(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def lay_flat(cut: Cut, face: int, corners: np.ndarray) -> None:
-    """Projects a face on its own plane (Newell's normal), turned to its smallest rectangle."""
-    points = cut.points[cut.loop(face)] - cut.points[cut.loop(face)].mean(0)
-    normal = np.cross(points, np.roll(points, -1, 0)).sum(0)
-    own = cut.points[corners]
-    if not np.linalg.norm(normal) > FLAT * twice_areas(own).sum():
-        normal = np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])[twice_areas(own).argmax()]
-    edges = np.roll(points, -1, 0) - points
-    along = edges[(edges**2).sum(1).argmax()]
-    across = np.cross(normal, along)
-    flat = points @ np.stack([along / np.linalg.norm(along), across / (np.linalg.norm(across) or 1.0)], 1)
+    """Lays a face flat, turned to its smallest rectangle: on its own plane, or unfolded where that would fold it."""
+    flat = projected(cut.points[cut.loop(face)], cut.points[corners])
+    own = corners - cut.face_start[face]
+    if overlaps_itself(flat[own]):
+        flat = unfolded(cut.points[cut.loop(face)], own)
+        if overlaps_itself(flat[own]):
+            cut.folded.add(face)
     side = np.roll(flat, -1, 0) - flat
     length = np.linalg.norm(side, axis=1)
     c, s = (side[length > 0.0] / length[length > 0.0, None]).T
@@ -131,9 +128,59 @@ def lay_flat(cut: Cut, face: int, corners: np.ndarray) -> None:
     width, height = np.ptp(turned[0], 1), np.ptp(turned[1], 1)
     best = (width * height + FLAT * (width + height) ** 2).argmin()
     cut.uv[cut.loop(face)] = np.stack([turned[0][best], turned[1][best]], 1)
-    signed = twice_areas(cut.uv[corners])
-    if np.abs(signed).sum() - abs(signed.sum()) > PENETRATION * np.abs(signed).sum():
-        cut.folded.add(face)
+
+
+def overlaps_itself(triangles: np.ndarray) -> bool:
+    """Whether the triangles (t, 3, 2) of a face are turned over or lie on each other."""
+    signed = twice_areas(triangles)
+    if np.abs(signed).sum() - signed.sum() > PENETRATION * np.abs(signed).sum():
+        return True
+    return len(triangles) > 2 and len(overlapping(triangles, np.zeros(len(triangles), int))[0]) > 0
+
+
+def projected(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The corners (n, 2) of a polygon (n, 3) of triangles (t, 3, 3) on its own plane (Newell's normal)."""
+    points = points - points.mean(0)
+    normal = np.cross(points, np.roll(points, -1, 0)).sum(0)
+    if not np.linalg.norm(normal) > FLAT * twice_areas(triangles).sum():
+        edges = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+        normal = np.cross(*edges)[twice_areas(triangles).argmax()]
+    edges = np.roll(points, -1, 0) - points
+    along = edges[(edges**2).sum(1).argmax()]
+    across = np.cross(normal, along)
+    return points @ np.stack([along / np.linalg.norm(along), across / (np.linalg.norm(across) or 1.0)], 1)
+
+
+def unfolded(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The corners (n, 2) of a polygon (n, 3), its triangles (t, 3) turned about their common edges into one plane."""
+    flat = np.zeros((len(points), 2))
+    left = [tuple(triangle) for triangle in triangles.tolist()]
+    a, b, c = left.pop(int(twice_areas(points[triangles]).argmax()))
+    flat[b] = np.linalg.norm(points[b] - points[a]), 0.0
+    flat[c] = flat[a] + hinged(points, flat, a, b, c)
+    placed = {a, b, c}
+    while left:
+        turns = [(n, k) for n, t in enumerate(left) for k in range(3) if {t[k], t[k - 2]} <= placed]
+        if not turns:
+            break  # not one piece
+        n, k = turns[0]
+        triangle = left.pop(n)
+        a, b, c = triangle[k], triangle[k - 2], triangle[k - 1]
+        if c not in placed:
+            flat[c] = flat[a] + hinged(points, flat, a, b, c)
+            placed.add(c)
+    return flat
+
+
+def hinged(points: np.ndarray, flat: np.ndarray, a: int, b: int, c: int) -> np.ndarray:
+    """From a to c (2,) in the plane where a and b have their places already, c on the left of these."""
+    edge, to = points[b] - points[a], points[c] - points[a]
+    length = float(np.linalg.norm(edge))
+    along = float(to @ edge) / length if length else 0.0
+    away = max(float(to @ to) - along**2, 0.0) ** 0.5
+    direction = flat[b] - flat[a]
+    direction = direction / (np.linalg.norm(direction) or 1.0) if length else np.array([1.0, 0.0])
+    return along * direction + away * np.array([-direction[1], direction[0]])
 
 
 def overlapping(triangles: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -228,6 +275,7 @@ def cut_mesh(xatlas: object, cut: Cut, limit: float) -> None:
     """Charts of one mesh; `limit` is the greatest extent of a chart in metres."""
     broken = run_xatlas(xatlas, cut, 0.5 * limit)
     cut.chart[np.isin(cut.chart, to_world_scale(cut))] = -1
+    broken |= drop_turned_over(cut)
     of = cut.chart[cut.face]
     placed = np.flatnonzero(of >= 0)
     pairs, complete = overlapping(cut.uv[cut.corners[placed]], of[placed])
@@ -253,6 +301,33 @@ def cut_mesh(xatlas: object, cut: Cut, limit: float) -> None:
         lay_flat_all(cut, single)
         flat |= set(single.tolist())
         to_world_scale(cut)
+    unmirror(cut)
+
+
+def drop_turned_over(cut: Cut) -> set[int]:
+    """Takes faces that are turned over beside the others out of their charts; those charts are returned."""
+    placed = cut.chart[cut.face] >= 0
+    of, shape = cut.chart[cut.face[placed]], cut.uv[cut.corners[placed]]
+    count = int(of.max(initial=-1)) + 1
+    signed = twice_areas(shape)
+    extent = bounds_of(shape, of, count)[1].max(1)
+    signed *= np.where(np.bincount(of, signed, count) < 0.0, -1.0, 1.0)[of]
+    faces = np.unique(cut.face[placed][signed < -FLAT * extent[of] ** 2])
+    broken = set(cut.chart[faces].tolist())
+    cut.chart[faces] = -1
+    return broken
+
+
+def unmirror(cut: Cut) -> None:
+    """Flips the charts that show their faces from behind, each in its own box, before anything is packed."""
+    of = cut.chart[cut.face]
+    placed = of >= 0
+    count = int(of.max(initial=-1)) + 1
+    signed = np.bincount(of[placed], twice_areas(cut.uv[cut.corners[placed]]), count)
+    width = bounds_of(cut.uv[cut.corners[placed]], of[placed], count)[1][:, 0]
+    of = np.repeat(cut.chart, np.diff(cut.face_start))
+    mirrored = (of >= 0) & (signed < 0.0)[of]
+    cut.uv[mirrored, 0] = width[of[mirrored]] - cut.uv[mirrored, 0]
 
 
 def lay_flat_all(cut: Cut, faces: np.ndarray) -> None:

@@ -8,7 +8,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .charts import Cut, Unplaceable, twice_areas
+from .charts import Cut, Unplaceable
+from .planar import twice_areas
 from .retired import retire
 
 ORPHANED = 2.0  # times its patience, no parent has ended this process: it ends itself, whatever the system

@@ -11,7 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .charts import Cut, Unplaceable, lay_flat, twice_areas
+from .charts import Cut, Unplaceable, lay_flat
+from .planar import twice_areas
 
 POLL = 0.02  # seconds
 PASSES = 4  # at most; the second one has rectangles for all that the first one tore
@@ -171,6 +172,7 @@ def _finished(job: object, say: Callable[[tuple], None]) -> object:
             before = now.stage == "segmenting"
             say(("cut", 0.0 if before else now.done / max(now.total or 1, 1)) if cutting else ("pack", now.done))
         time.sleep(POLL)
+    say(("pack", 1))
     return job.result()
 
 

@@ -115,9 +115,9 @@ def _unwrap(objects: list[bpy.types.Object]) -> None:
 
 
 def _unwrapped(solids: int, size: int) -> dict:
-    """Seconds of a bake with the settings that users find, of which xatlas takes its part."""
+    """Seconds of a bake with the usual settings but that of the unwrapper, of which xatlas takes its part."""
     objects = _scene(solids)
-    output, lightmap = OutputSettings(target="LIGHTMAP"), LightmapSettings(size=size)
+    output, lightmap = OutputSettings(target="LIGHTMAP"), LightmapSettings(size=size, unwrapper="XATLAS")
     report = BakeJob(bpy.context, objects, BakeSettings(), output, lightmap=lightmap).run()
     faces = sum(len(ob.data.polygons) for ob in objects)
     return {"objects": len(objects), "faces": faces, "size": size, "use": report.lightmap.use, "phases": report.seconds}

@@ -21,6 +21,7 @@ import animation_table
 import light_table
 import lightmap_table
 import table
+import unwrappers_table
 
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results"
@@ -64,7 +65,12 @@ def main() -> None:
 def _write_pages() -> None:
     pages = {
         HERE / "README.md": table.text(
-            RESULTS, {"lightmap": lightmap_table.section, "animation": animation_table.section}
+            RESULTS,
+            {
+                "lightmap": lightmap_table.section,
+                "unwrappers": unwrappers_table.section,
+                "animation": animation_table.section,
+            },
         ),
         LIGHT_PAGE: light_table.text(RESULTS),
     }

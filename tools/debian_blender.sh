@@ -36,7 +36,7 @@ inside apt-get -o Acquire::Check-Valid-Until=false -q update
 # shellcheck disable=SC2086
 inside env DEBIAN_FRONTEND=noninteractive apt-get install -qy --no-install-recommends $PACKAGES
 if [ "$SUITE" != trixie ]; then
-    REQUIRED="$(sed -n 's/.*wheels\/\([a-z]*\)-\([0-9a-z.]*\)-cp313-.*win.*/\1==\2/p' "$(dirname "$0")/../blender_manifest.toml")"
+    REQUIRED="$(sed -n 's/.*wheels\/\([a-z]*\)-\([0-9a-z.]*\)-cp31[13]-\(cp313\|abi3\)-win.*/\1==\2/p' "$(dirname "$0")/../blender_manifest.toml")"
     # shellcheck disable=SC2086
     inside env PIP_CERT=/etc/ssl/certs/ca-certificates.crt python3 -m pip wheel --quiet --no-deps -w /wheels $REQUIRED
 fi

@@ -9,7 +9,7 @@ from pathlib import Path
 from ..core.errors import ObscuranceError
 from ..core.falloff import Falloff
 from ..core.light import Ambient, LightSettings, Quantity
-from ..core.lightmap import LightmapSettings, UvMode
+from ..core.lightmap import LightmapSettings, Unwrapper, UvMode
 from ..core.order import ImageFormat, OutputSettings, Target
 from ..core.settings import BakeSettings, Sampler
 from ..version import version
@@ -106,6 +106,9 @@ def _add_lightmap(group: argparse._ArgumentGroup) -> None:
         "--texels-per-metre", type=float, metavar="X", help="density of texels, in as many image tiles as it takes"
     )
     group.add_argument("--uv-mode", choices=[mode.value for mode in UvMode], help="unwrap, or keep a UV map")
+    group.add_argument(
+        "--unwrapper", choices=[kind.value for kind in Unwrapper], help="the library that unwraps (default: UVUNWRAP)"
+    )
     group.add_argument("--uv-map", metavar="NAME", help="UV map to keep (default: the one that renders)")
     group.add_argument("--margin", type=int, metavar="N", help="texels around faces at size 1024 (default: 16)")
     group.add_argument(
@@ -197,7 +200,7 @@ def output_changes(options: argparse.Namespace) -> dict:
 
 def lightmap_changes(options: argparse.Namespace) -> dict:
     """Lightmap settings given as options, by name."""
-    names = ("size", "texels_per_metre", "uv_mode", "uv_map", "margin", "adaptive", "error_bound")
+    names = ("size", "texels_per_metre", "uv_mode", "unwrapper", "uv_map", "margin", "adaptive", "error_bound")
     return _given(options, *names)
 
 

@@ -12,7 +12,11 @@ import sys
 
 MACOS_NEEDED = 13  # embreex' wheels are built for it; Blender does not check that when it installs them
 
-_IMPORTED = {"embreex": ("embreex.rtcore_scene", "embreex.mesh_construction"), "xatlas": ("xatlas",)}
+_IMPORTED = {
+    "embreex": ("embreex.rtcore_scene", "embreex.mesh_construction"),
+    "xatlas": ("xatlas",),
+    "uvunwrap": ("uvunwrap",),
+}
 NAMES = tuple(_IMPORTED)
 
 

@@ -44,9 +44,13 @@ class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
         layout = align_labels(self.layout)
         if missing := why_missing("embreex"):
             draw_message(layout.box(), sentence(f"the ray tracer {missing}"), "ERROR", context.region.width)
+        settings = context.scene.obscurance
+        unwraps = settings.target == "LIGHTMAP" and settings.uv_mode == "UNWRAP"
+        if unwraps and (missing := why_missing(settings.unwrapper.lower())):
+            draw_message(layout.box(), sentence(f"the unwrapper {missing}"), "ERROR", context.region.width)
         meshes = [ob.name for ob in context.selected_objects if ob.type == "MESH"]
         layout.label(text=_what(meshes), icon="OBJECT_DATA")
-        draw_settings(layout, context.scene.obscurance)
+        draw_settings(layout, settings)
         column = layout.column()
         column.scale_y = 1.3
         column.operator(OBSCURANCE_OT_bake.bl_idname, icon="RENDER_STILL")
@@ -59,7 +63,6 @@ class OBSCURANCE_PT_bake(_Sidebar, bpy.types.Panel):
         )
         first = next((ob for ob in context.selected_objects if ob.type == "MESH"), None)
         applied = first is not None and shows_ambient(first)
-        settings = context.scene.obscurance
         ready = first is not None and indirect_exposure(first.data, settings.attribute_name) is not None
         if applied or ready or what_is_stored(settings.to_light()) == INDIRECT:
             layout.operator(

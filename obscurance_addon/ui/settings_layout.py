@@ -77,4 +77,6 @@ def _draw_lightmap(column: bpy.types.UILayout, settings: bpy.types.PropertyGroup
     column.prop(settings, "uv_mode")
     if settings.uv_mode == "KEEP":
         column.prop(settings, "uv_map")
+    else:
+        column.prop(settings, "unwrapper")
     column.prop(settings, "margin")

@@ -230,8 +230,8 @@ def test_options_win_over_the_settings_of_the_file(scene, tmp_path):
     arguments = "--target POINT --attribute Shade --rays 8 --distance 0.5 --falloff LINEAR --no-bleeding --scale PAPER"
     arguments += " --sampler RANDOM --seed 3 --threads 2 --shared-meshes AVERAGE"
     arguments += " --quantity AMBIENT --ambient EMISSION --reflectors 7 --indirect-only --exposure -2"
-    arguments += " --size 512 --texels-per-metre 20 --uv-mode KEEP --uv-map Own --margin 4 --no-adaptive"
-    arguments += " --error-bound 0.25 --image a.png --image-format PNG_8"
+    arguments += " --size 512 --texels-per-metre 20 --uv-mode KEEP --unwrapper XATLAS --uv-map Own"
+    arguments += " --margin 4 --no-adaptive --error-bound 0.25 --image a.png --image-format PNG_8"
     assert run(scene, *arguments.split(), "--report", report) == 0
     settings = json.loads(report.read_text())["files"][0]["settings"]
     assert settings == {
@@ -256,6 +256,7 @@ def test_options_win_over_the_settings_of_the_file(scene, tmp_path):
         "lightmap_size": 512,
         "texels_per_metre": 20.0,
         "uv_mode": "KEEP",
+        "unwrapper": "XATLAS",
         "uv_map": "Own",
         "margin": 4,
         "adaptive": False,

@@ -16,7 +16,7 @@ MODULES = sorted(
 )
 CHECK = """
 import sys
-for name in ("bpy", "mathutils", "bmesh", "bpy_extras", "scipy", "embreex", "xatlas"):
+for name in ("bpy", "mathutils", "bmesh", "bpy_extras", "scipy", "embreex", "xatlas", "uvunwrap"):
     sys.modules[name] = None
 import importlib
 importlib.import_module(sys.argv[1])
@@ -30,7 +30,7 @@ def test_the_list_of_modules_is_not_empty():
 
 @pytest.mark.parametrize("module", MODULES)
 def test_module_imports_without_blender_and_native_libraries(module):
-    """embreex and xatlas load only when they are first used, so that their absence can be reported."""
+    """embreex, xatlas and uvunwrap load only when they are first used, so that their absence can be reported."""
     done = subprocess.run([sys.executable, "-c", CHECK, module], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 

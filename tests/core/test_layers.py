@@ -42,7 +42,8 @@ ORDER = (
 )
 LAYER = {package: number for number, row in enumerate(ORDER) for package in row}
 FREE = {"version", "core", "blender"}  # their modules may be imported one by one
-NATIVE = {"embreex": "core/tracing/embree.py", "xatlas": "core/lightmap/unwrap_worker/"}  # who alone imports them
+WORKER = "core/lightmap/unwrap_worker/"
+NATIVE = {"embreex": "core/tracing/embree.py", "xatlas": WORKER, "uvunwrap": WORKER}  # who alone imports them
 
 PATHS = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix("__init__").removesuffix("."): path

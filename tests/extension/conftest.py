@@ -55,7 +55,7 @@ class Installation:
         self._user.mkdir()
         self._site.mkdir()
         for entry in Path(sysconfig.get_path("purelib")).iterdir():
-            if not entry.name.startswith(("embreex", "xatlas")):
+            if not entry.name.startswith(("embreex", "uvunwrap", "xatlas")):
                 (self._site / entry.name).symlink_to(entry)
 
     def run(self, code: str, *arguments: object) -> str:

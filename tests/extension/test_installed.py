@@ -163,11 +163,25 @@ print(sys.modules[MODULE].core.native_library.why_missing("embreex"))
     assert "invalid ELF header" in told or "too short" in told
 
 
-def test_attributes_bake_without_xatlas(blender, zipped, tmp_path):
-    """It is needed for nothing else than unwrapping."""
-    blender.install(without(zipped, "xatlas", tmp_path))
-    told = blender.run("enable()\nassert sys.modules[MODULE].core.native_library.why_missing('xatlas')" + BAKE, CORNELL)
-    assert told.strip().endswith("{'FINISHED'}")
+LIGHTMAP = """
+settings = bpy.context.scene.obscurance
+settings.target, settings.lightmap_size, settings.unwrapper = "LIGHTMAP", 256, "UVUNWRAP"
+try:
+    bpy.ops.obscurance.bake()
+except RuntimeError as error:
+    print(error)
+settings.unwrapper = "XATLAS"
+print(bpy.ops.obscurance.bake())
+"""
+
+
+def test_without_an_unwrapper_attributes_and_the_other_one_bake(blender, zipped, tmp_path):
+    """It is needed for nothing else than unwrapping, and the error says that there is another."""
+    blender.install(without(zipped, "uvunwrap", tmp_path))
+    told = blender.run("enable()" + BAKE + LIGHTMAP, CORNELL)
+    assert "uvunwrap is not installed; install the zip" in told
+    assert "choose the unwrapper xatlas (--unwrapper XATLAS)" in told
+    assert told.count("{'FINISHED'}") == 2
 
 
 def test_the_command_line_names_a_missing_ray_tracer(blender, zipped, tmp_path):

@@ -62,7 +62,9 @@ def test_licences():
     own, *bundled = manifest["copyright"]
     assert own.endswith(manifest["maintainer"])
     named = {re.search(r"\(([\w-]+).*, ([\w.-]+)\)$", entry).groups() for entry in bundled}
-    assert {"embreex", "Embree", "oneTBB", "xatlas-python", "xatlas"} <= {library for library, _licence in named}
+    assert {"embreex", "Embree", "oneTBB", "xatlas-python", "xatlas", "uvunwrap"} <= {
+        library for library, _licence in named
+    }
     for library, licence in named:
         (row,) = (line for line in table.splitlines() if line.startswith(f"| [{library}]"))
         assert row.endswith(f"| {licence} |")
@@ -78,7 +80,7 @@ def test_copyright(entry):
 
 def test_every_bundled_library_is_credited():
     libraries = {wheel.split("/")[-1].split("-")[0] for wheel in manifest["wheels"]}
-    assert libraries == {"embreex", "xatlas"}, "credit what a new wheel holds in manifest and LICENSES/"
+    assert libraries == {"embreex", "uvunwrap", "xatlas"}, "credit what a new wheel holds in manifest and LICENSES/"
 
 
 def test_no_text_tells_users_of_blender_to_run_pip():

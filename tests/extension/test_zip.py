@@ -17,12 +17,16 @@ LISTED = [Path(wheel).name for wheel in manifest["wheels"]]
 
 
 def test_every_wheel_of_the_manifest_goes_into_one_zip():
-    """For each platform embreex and xatlas, each for the Pythons of Blender 4.2 to 5.0 and of 5.1 and later."""
+    """For each platform embreex and xatlas, each for the Pythons of Blender 4.2 to 5.0 and of 5.1 and later.
+
+    One wheel of uvunwrap serves both.
+    """
     parts = {platform: wheels_for(platform, LISTED) for platform in manifest["platforms"]}
     assert sorted(name for names in parts.values() for name in names) == sorted(LISTED)
     for names in parts.values():
-        kinds = sorted(tuple(name.split("-")[i] for i in (0, 2)) for name in names)
-        assert kinds == [("embreex", "cp311"), ("embreex", "cp313"), ("xatlas", "cp311"), ("xatlas", "cp313")]
+        kinds = sorted(tuple(name.split("-")[i] for i in (0, 2, 3)) for name in names)
+        both = [(library, python, python) for library in ("embreex", "xatlas") for python in ("cp311", "cp313")]
+        assert kinds == sorted([*both, ("uvunwrap", "cp311", "abi3")])
 
 
 def test_every_wheel_has_a_hash():

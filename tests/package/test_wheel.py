@@ -86,7 +86,7 @@ def test_metadata(wheel):
     needed = sorted(
         line.split(": ")[1] for line in metadata if line.startswith("Requires-Dist") and "extra" not in line
     )
-    assert [text.split("==")[0] for text in needed] == ["embreex", "numpy", "xatlas"]
+    assert [text.split("==")[0] for text in needed] == ["embreex", "numpy", "uvunwrap", "xatlas"]
 
 
 def test_the_command_answers_without_blender(installed):

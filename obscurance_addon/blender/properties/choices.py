@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...core.falloff import Falloff
 from ...core.light import Ambient, Quantity
-from ...core.lightmap import UvMode
+from ...core.lightmap import Unwrapper, UvMode
 from ...core.order import ImageFormat, Scale, SharedMeshes, Target
 from ...core.settings import Sampler
 from ...core.updates import UpdateMode
@@ -55,6 +55,10 @@ TARGETS = _items(
 UV_MODES = _items(
     (UvMode.UNWRAP, "Unwrap", "Make a UV map in which no two faces share a place, packed for all selected objects"),
     (UvMode.KEEP, "Keep UV Map", "Use a UV map that the objects have; where faces overlap in it, they share one color"),
+)
+UNWRAPPERS = _items(
+    (Unwrapper.UVUNWRAP, "uvunwrap", "Fast also with large meshes, and with few charts"),
+    (Unwrapper.XATLAS, "xatlas", "The one of earlier versions, slow with large meshes"),
 )
 RESOLUTIONS = _items(
     ("SIZE", "Size", "One square image, filled as densely as it can be"),

@@ -162,6 +162,12 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         items=choices.UV_MODES,
         options=FIXED,
     )
+    unwrapper: EnumProperty(
+        name="Unwrapper",
+        description="Choose the library that cuts the objects into flat charts and packs these",
+        items=choices.UNWRAPPERS,
+        options=FIXED,
+    )
     uv_map: StringProperty(
         name="Name",
         description="Name of the UV map to keep. Empty takes the one that each mesh renders with",

@@ -7,9 +7,18 @@ with their margins, and counts.
 from .bake import Lightmap, bake_lightmap
 from .layout import AtlasLayout
 from .light import bake_light_map
-from .settings import MAX_ERROR_BOUND, MAX_MARGIN, MAX_SIZE, MIN_ERROR_BOUND, MIN_SIZE, LightmapSettings, UvMode
+from .settings import (
+    MAX_ERROR_BOUND,
+    MAX_MARGIN,
+    MAX_SIZE,
+    MIN_ERROR_BOUND,
+    MIN_SIZE,
+    LightmapSettings,
+    Unwrapper,
+    UvMode,
+)
 from .triangles import charts_of
-from .unwrapping import UnwrapMesh, unwrap
+from .unwrapping import TooManyChartsError, UnwrapMesh, unwrap
 
 __all__ = [
     "MAX_ERROR_BOUND",
@@ -20,7 +29,9 @@ __all__ = [
     "AtlasLayout",
     "Lightmap",
     "LightmapSettings",
+    "TooManyChartsError",
     "UnwrapMesh",
+    "Unwrapper",
     "UvMode",
     "bake_light_map",
     "bake_lightmap",

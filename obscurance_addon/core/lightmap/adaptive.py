@@ -203,18 +203,21 @@ class Band:
         return _Blocks(stride, corners, centre, row, column, radius, spread)
 
     def fill(self, blocks: _Blocks) -> None:
-        """Interpolate blocks: bilinearly, with a bump that meets the centre."""
+        """Interpolate blocks: bilinearly, with a tent that meets the centre.
+
+        No weight is below 0 and their sum is 1, so that no colour leaves the range of the five that are known.
+        """
         stride = blocks.stride
         rows, columns = (a.ravel() for a in np.mgrid[:stride, :stride])
         y, x = rows / stride, columns / stride
-        bump = 16.0 * y * (1.0 - y) * x * (1.0 - x)
-        weights = np.stack([(1 - y) * (1 - x), (1 - y) * x, y * (1 - x), y * x, bump], -1)
+        corners = np.stack([(1 - y) * (1 - x), (1 - y) * x, y * (1 - x), y * x], -1)
+        least = corners.min(1, keepdims=True)
+        weights = np.concatenate([corners - least, 4.0 * least], 1)
         texel = self._lookup[blocks.row[:, None] * stride + rows, blocks.column[:, None] * stride + columns]
-        known = self.values[blocks.corners]
-        excess = self.values[blocks.centre] - known.mean(1)
-        values = weights @ np.concatenate([known, excess[:, None]], 1)
+        five = np.concatenate([blocks.corners, blocks.centre[:, None]], 1)
+        values = weights @ self.values[five]
         new = ~self.known[texel]
-        self.values[texel[new]] = np.maximum(values[new], 0.0)
+        self.values[texel[new]] = values[new]
         self.valid[texel] = 1.0
         self.between[texel] = True
 

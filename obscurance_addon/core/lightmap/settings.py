@@ -5,13 +5,14 @@ from __future__ import annotations
 import enum
 import math
 import numbers
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..errors import SettingsError
 from ..settings import member_of, whole_number
 
 MIN_SIZE, MAX_SIZE = 256, 8192
 MAX_MARGIN = 64
+CHART_SIDE = 4  # texels of a small chart, about; more of them than leave each so much are not worth a page
 MARGIN_SIZE = 1024  # the page size for which the margin is given
 MIN_ERROR_BOUND, MAX_ERROR_BOUND = 1e-4, 0.5
 
@@ -21,6 +22,18 @@ class UvMode(enum.StrEnum):
 
     UNWRAP = "UNWRAP"  # charts are made and packed anew
     KEEP = "KEEP"  # as an existing UV map says
+
+
+class Unwrapper(enum.StrEnum):
+    """The library that cuts and packs charts."""
+
+    XATLAS = "XATLAS"
+    UVUNWRAP = "UVUNWRAP"
+
+    @property
+    def library(self) -> str:
+        """The name of its package."""
+        return self.value.lower()
 
 
 @dataclass(frozen=True)
@@ -34,6 +47,7 @@ class LightmapSettings:
     texels_per_metre : float or None
         Density of texels; as many pages as it takes. None takes the greatest density that fits one page.
     uv_mode : UvMode
+    unwrapper : Unwrapper
     uv_map : str
         The UV map to keep; '' takes the one that each mesh renders with.
     margin : int
@@ -52,6 +66,7 @@ class LightmapSettings:
     size: int = 1024
     texels_per_metre: float | None = None
     uv_mode: UvMode = UvMode.UNWRAP
+    unwrapper: Unwrapper = Unwrapper.UVUNWRAP
     uv_map: str = ""
     margin: int = 16
     adaptive: bool = True
@@ -60,6 +75,7 @@ class LightmapSettings:
     def __post_init__(self) -> None:
         object.__setattr__(self, "size", whole_number("lightmap size", self.size, MIN_SIZE, MAX_SIZE))
         object.__setattr__(self, "uv_mode", member_of(UvMode, self.uv_mode, "UV mode"))
+        object.__setattr__(self, "unwrapper", member_of(Unwrapper, self.unwrapper, "unwrapper"))
         object.__setattr__(self, "margin", whole_number("margin", self.margin, 0, MAX_MARGIN))
         density = self.texels_per_metre
         if density is not None and not (isinstance(density, numbers.Real) and 0.0 < density < math.inf):
@@ -73,6 +89,18 @@ class LightmapSettings:
     def margin_texels(self) -> int:
         """The margin at this page size."""
         return -(-self.margin * self.size // MARGIN_SIZE)
+
+    def cure_for(self, charts: int) -> str:
+        """What helps where so many charts do not fit a page of this size, half a sentence."""
+        sizes = [2**k for k in range(MIN_SIZE.bit_length() - 1, MAX_SIZE.bit_length()) if 2**k > self.size]
+        for margin in (self.margin, *(2**k for k in range(MAX_MARGIN.bit_length())[::-1] if 2**k < self.margin), 0):
+            for size in (self.size, *sizes) if margin < self.margin else sizes:
+                other = replace(self, size=size, margin=margin)
+                if charts * (CHART_SIDE + other.padding) ** 2 <= size**2:
+                    larger = f"raise the size to {size} (Size, --size {size})" if size > self.size else ""
+                    lower = f"lower the margin to {margin} (Margin, --margin {margin})" if margin < self.margin else ""
+                    return " and ".join(filter(None, (larger, lower)))
+        return "unwrap fewer objects at once, or give a density of texels, which takes as many pages as it needs"
 
     @property
     def padding(self) -> int:

@@ -1,7 +1,7 @@
 """Lays the faces of meshes side by side on square pages, for a texture that holds light.
 
-A child process does the work (`unwrap_worker`), for xatlas stops the whole interpreter while it runs and may crash
-or hang on a broken mesh.
+A child process does the work (`unwrap_worker`), for xatlas stops the whole interpreter while it runs, and either
+library may crash or hang on a broken mesh.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from ..errors import BackendError, GeometryError
 from ..native_library import why_missing
 from ..notes import Notes, named
 from ..process import ChildEndedError, ChildProcess
+from ..scene import connected_components
+from .settings import LightmapSettings, Unwrapper
 
 SERVER = "lightmap.unwrap_worker.serve"  # module of the core that the child process runs
 MOST_PAGES = 100  # UDIM tiles go by tens, and a bake of more than this would fill any memory
@@ -28,8 +30,16 @@ PATIENCE, PATIENCE_PER_TRIANGLE = (
 )  # seconds for a mesh; usual ones take 0.0001 a triangle, a fan of 20,000 slivers 0.007
 SLOWEST_PAGES = 20.0  # packing on many pages tries each one for each chart
 CHARTING = 0.6  # of the work, roughly
-USUAL_TRIES = 11
+USUAL_TRIES = 20
 KEEP = "keep an existing UV map for it, or repair it (Mesh > Clean Up)"
+
+
+class TooManyChartsError(GeometryError):
+    """No page of `size` texels holds `charts`; what helps is for those to say who know the settings."""
+
+    def __init__(self, charts: int, size: int) -> None:
+        super().__init__(f"the faces make at least {charts:,} charts, more than a page of {size} x {size} texels holds")
+        self.charts = charts
 
 
 @dataclass(frozen=True)
@@ -63,6 +73,7 @@ def unwrap(
     *,
     size: int,
     padding: int,
+    unwrapper: Unwrapper = LightmapSettings.unwrapper,
     texels_per_metre: float | None = None,
     check: Callable[[], None],
     progress: Callable[[float], None] | None = None,
@@ -76,6 +87,7 @@ def unwrap(
         Side of a page in texels.
     padding : int
         Least number of free texels between two charts, beyond those that linear interpolation touches.
+    unwrapper : Unwrapper
     texels_per_metre : float, optional
         Takes as many pages as that needs. Without it, the greatest density (to 1 %) at which one page holds all.
     check : callable
@@ -86,13 +98,16 @@ def unwrap(
     Raises
     ------
     GeometryError
-        When no face has an area, or the faces do not fit on the pages.
+        When no face has an area, or the faces do not fit on the pages; TooManyChartsError where there are too many
+        charts for one.
     BackendError
-        When xatlas is missing, or fails or hangs on a mesh.
+        When the library is missing, or fails or hangs on a mesh.
     """
     begin = time.monotonic()
-    if missing := why_missing("xatlas"):
-        raise BackendError(f"the unwrapper {missing}")
+    if missing := why_missing(unwrapper.library):
+        other = next((kind for kind in Unwrapper if not why_missing(kind.library)), None)
+        instead = f", or choose the unwrapper {other.library} (--unwrapper {other.value})" if other else ""
+        raise BackendError(f"the unwrapper {missing}{instead}")
     usable = [_usable_faces(mesh) for mesh in meshes]
     notes = _dropped_notes(meshes, usable)
     given = [i for i, (kept, _) in enumerate(usable) if kept.any()]
@@ -102,8 +117,17 @@ def unwrap(
     area = sum(area for _, area in usable)
     if texels_per_metre is not None and area * texels_per_metre**2 > MOST_PAGES * size**2:
         raise _too_many_pages(int(area * texels_per_metre**2 / size**2) + 1, size)
+    most = 0 if texels_per_metre else _most_charts(size, padding)
+    if most and sum(int(kept.sum()) for kept, _ in usable) > most:  # else there cannot be too many
+        pieces = sum(_pieces(mesh, kept) for mesh, (kept, _) in zip(meshes, usable, strict=True))
+        if pieces > most:
+            raise TooManyChartsError(pieces, size)
     chosen = [(meshes[i], usable[i][0]) for i in given]
-    found = _Child(chosen, size, padding, texels_per_metre, check, progress or (lambda share: None)).run()
+    numbers = {"size": size, "padding": padding, "density": texels_per_metre or 0.0, "most_charts": most}
+    numbers["unwrapper"] = unwrapper.value
+    child = _Child(chosen, numbers, check, progress or (lambda share: None))
+    found = child.run()
+    notes += child.notes
     return _atlas(meshes, given, found, size, notes, begin)
 
 
@@ -124,6 +148,22 @@ def _usable_faces(mesh: UnwrapMesh) -> tuple[np.ndarray, float]:
     area, rounding = (np.bincount(mesh.triangle_face[valid], x, faces) for x in (area, rounding))
     kept &= area > rounding
     return kept, float(area[kept].sum())
+
+
+def _most_charts(size: int, padding: int) -> int:
+    """More charts than this fit no page: each has a texel, and so many free ones to the next."""
+    return ((size + padding) // (1 + padding)) ** 2
+
+
+def _pieces(mesh: UnwrapMesh, kept: np.ndarray) -> int:
+    """Pieces of a mesh that no vertex connects, and so at least as many charts; vertices in one place are one."""
+    job = _job(mesh, kept, 0)
+    if not len(job["corners0"]):
+        return 0
+    place = np.unique(job["points0"].astype(np.float32), axis=0, return_inverse=True)[1].reshape(-1)
+    triangles = place[job["corners0"]]
+    links = np.concatenate([triangles[:, :2], triangles[:, 1:]])
+    return len(np.unique(connected_components(int(place.max()) + 1, links)[triangles[:, 0]]))
 
 
 def _dropped_notes(meshes: Sequence[UnwrapMesh], usable: list[tuple[np.ndarray, float]]) -> list[str]:
@@ -152,22 +192,20 @@ class _Child:
     def __init__(
         self,
         meshes: list[tuple[UnwrapMesh, np.ndarray]],
-        size: int,
-        padding: int,
-        density: float | None,
+        numbers: dict[str, object],
         check: Callable[[], None],
         progress: Callable[[float], None],
     ) -> None:
         self.names, self.check, self.progress = [mesh.name for mesh, _ in meshes], check, progress
         triangles = np.array([len(mesh.triangle_face) for mesh, _ in meshes])
         seconds = PATIENCE + PATIENCE_PER_TRIANGLE * triangles
-        pack_seconds = seconds.sum() * (SLOWEST_PAGES if density else 1.0)
-        numbers = {"size": size, "padding": padding, "density": density or 0.0, "most_pages": MOST_PAGES}
-        self.data = {k: np.array(v) for k, v in (numbers | {"seconds": seconds, "pack_seconds": pack_seconds}).items()}
+        pack_seconds = seconds.sum() * (SLOWEST_PAGES if numbers["density"] else 1.0)
+        self.data = numbers | {"most_pages": MOST_PAGES, "seconds": seconds, "pack_seconds": pack_seconds}
         for number, (mesh, kept) in enumerate(meshes):
             self.data |= _job(mesh, kept, number)
         self.done = np.concatenate([[0.0], np.cumsum(triangles) / triangles.sum()])
-        self.mesh, self.packing = None, False
+        self.mesh, self.packing, self.together, self.told = None, False, False, 0.0
+        self.notes: list[str] = []
 
     def run(self) -> dict[str, np.ndarray]:
         """The arrays it found; raises as `unwrap` does."""
@@ -190,23 +228,43 @@ class _Child:
             if child.poll(POLL):
                 word, *rest = child.receive()
                 if word == "done":
+                    self._note(child.printed())
                     return rest[0]
                 self._hear(word, *rest)
                 since = time.monotonic()
             elif time.monotonic() - since > self._limit():
                 raise self._failed("does not come to an end")
 
+    def _note(self, printed: list[str]) -> None:
+        """One note of all that the library printed."""
+        lines = [line.strip() for line in printed if line.strip()]
+        if lines:
+            more = f" and {len(lines) - 1:,} more lines" if len(lines) > 1 else ""
+            self.notes.append(
+                f"the unwrapper went on after a warning of its own ('{lines[0][:80]}'{more}): if the lightmap looks "
+                "wrong somewhere, clean up the mesh there, or choose the other unwrapper (Unwrapper, --unwrapper)"
+            )
+
     def _limit(self) -> float:
-        return float(self.data["pack_seconds"] if self.packing else self.data["seconds"][self.mesh or 0])
+        if self.packing or self.data["unwrapper"] == Unwrapper.UVUNWRAP:  # which works on all meshes at once
+            return float(self.data["pack_seconds"])
+        return float(self.data["seconds"][self.mesh or 0])
+
+    def _tell(self, share: float) -> None:
+        self.told = max(self.told, share)
+        self.progress(self.told)
 
     def _hear(self, word: str, number: int, metres: float = 0.0) -> None:
         size, density = int(self.data["size"]), float(self.data["density"])
         if word == "mesh":
             self.mesh = number
-            self.progress(CHARTING * float(self.done[number]))
+            self._tell(CHARTING * float(self.done[number]))
+        elif word == "cut":
+            self.together, self.packing = True, False
+            self._tell(CHARTING * number)
         elif word == "pack":
             self.packing = True
-            self.progress(CHARTING + (1.0 - CHARTING) * min(number / USUAL_TRIES, 1.0))
+            self._tell(CHARTING + (1.0 - CHARTING) * min(number / USUAL_TRIES, 1.0))
         elif word == "oversize":
             raise GeometryError(
                 f"a face of object '{self.names[number]}' is {metres:.4g} m wide, {metres * density:.0f} texels, more "
@@ -215,14 +273,12 @@ class _Child:
         elif word == "pages":
             raise _too_many_pages(number, size)
         elif word == "crowded":
-            raise GeometryError(
-                f"the faces fall into {number} charts, more than a page of {size} x {size} texels can hold; raise the "
-                "size, lower the padding or unwrap fewer objects"
-            )
+            raise TooManyChartsError(number, size)
 
     def _failed(self, how: str) -> BackendError:
         if self.packing or self.mesh is None:
-            what = "while it packed the charts" if self.packing else "before its first mesh"
+            what = "while it cut the meshes" if self.together else "before its first mesh"
+            what = "while it packed the charts" if self.packing else what
             return BackendError(f"the unwrapper {how} {what}; keep existing UV maps instead")
         return BackendError(f"the unwrapper {how} on object '{self.names[self.mesh]}'; {KEEP}")
 

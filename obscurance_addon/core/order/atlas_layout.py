@@ -8,7 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import GeometryError
-from ..lightmap import AtlasLayout, LightmapSettings, UnwrapMesh, UvMode, charts_of, unwrap
+from ..lightmap import (
+    AtlasLayout,
+    LightmapSettings,
+    TooManyChartsError,
+    UnwrapMesh,
+    UvMode,
+    charts_of,
+    unwrap,
+)
 from ..notes import Notes, named
 from .arrays import ObjectRange
 from .patch_parts import WorldObject
@@ -30,7 +38,7 @@ class LaidOut:
     texels_per_metre : float or None
         Where faces were unwrapped.
     seconds : float
-        Spent by xatlas.
+        Spent by the unwrapper.
     notes : list of str
     """
 
@@ -69,7 +77,7 @@ def lay_out(
     GeometryError
         When no face can be laid out, or not all of them on as many pages as there may be.
     BackendError
-        When xatlas is missing or fails.
+        When the unwrapper is missing or fails.
     """
     objects = [baked.snapshot for baked in snapshot.baked]
     worlds = [WorldObject.of(ob, (np.zeros((0, 3)), np.zeros((0, 3)))) for ob in objects]
@@ -78,24 +86,29 @@ def lay_out(
         pages = 1 + int(max(of.page.max(initial=-1) for of in places))
         return LaidOut(_join(objects, worlds, ranges, places, pages), None, None, 0.0, notes)
     density = lightmap.texels_per_metre
-    atlas = unwrap(
-        [
-            UnwrapMesh(
-                ob.name,
-                world.vertices,
-                ob.mesh.corner_vertex,
-                ob.mesh.face_start,
-                world.triangle_corners,
-                ob.mesh.triangle_face,
-            )
-            for ob, world in zip(objects, worlds, strict=True)
-        ],
-        size=lightmap.size,
-        padding=lightmap.padding,
-        texels_per_metre=None if density is None else density * metres_per_unit,
-        check=check,
-        progress=progress,
-    )
+    meshes = [
+        UnwrapMesh(
+            ob.name,
+            world.vertices,
+            ob.mesh.corner_vertex,
+            ob.mesh.face_start,
+            world.triangle_corners,
+            ob.mesh.triangle_face,
+        )
+        for ob, world in zip(objects, worlds, strict=True)
+    ]
+    try:
+        atlas = unwrap(
+            meshes,
+            size=lightmap.size,
+            padding=lightmap.padding,
+            unwrapper=lightmap.unwrapper,
+            texels_per_metre=None if density is None else density * metres_per_unit,
+            check=check,
+            progress=progress,
+        )
+    except TooManyChartsError as error:
+        raise GeometryError(f"{error}; {lightmap.cure_for(error.charts)}") from error
     places = [
         _Places(uv[world.triangle_corners].astype(np.float64), page[face], chart[face])
         for uv, page, chart, world, face in zip(

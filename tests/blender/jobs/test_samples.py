@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from obscurance_addon.core.lightmap import UnwrapMesh, Unwrapper, unwrap
+
 bpy = pytest.importorskip("bpy")
 
 FOLDER = Path(__file__).resolve().parents[3] / "sample_blends"
@@ -82,6 +84,19 @@ def world_vertices(item) -> np.ndarray:
     local = np.array([vertex.co for vertex in item.data.vertices])
     matrix = np.array(item.matrix_world)
     return local @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def unwrap_mesh(item) -> UnwrapMesh:
+    item.data.calc_loop_triangles()
+    faces, triangles = faces_of(item), item.data.loop_triangles
+    return UnwrapMesh(
+        item.name,
+        world_vertices(item),
+        np.concatenate(faces),
+        np.cumsum([0, *map(len, faces)]),
+        np.array([triangle.loops for triangle in triangles]),
+        np.array([triangle.polygon_index for triangle in triangles]),
+    )
 
 
 def faces_of(item) -> list[tuple[int, ...]]:
@@ -228,6 +243,17 @@ def test_lights_shine_as_listed(name):
     inputs = shader_of(bpy.data.materials[material]).inputs
     found = np.array(inputs["Emission Color"].default_value[:3]) * inputs["Emission Strength"].default_value
     np.testing.assert_allclose(found, radiance, atol=6e-4)
+
+
+@pytest.mark.parametrize("unwrapper", Unwrapper)
+@pytest.mark.parametrize("name", ["cornell_box", "light_near_wall", "room_1423", "infinite_5508"])
+def test_no_face_is_mirrored_in_a_lightmap(name, unwrapper):
+    """Whichever way a triangle turns in the mesh, seen from its front it turns the same way in the map."""
+    meshes = [unwrap_mesh(item) for item in mesh_objects(open_sample(name))]
+    atlas = unwrap(meshes, size=256, padding=4, unwrapper=unwrapper, check=lambda: None)
+    for mesh, uv in zip(meshes, atlas.uv, strict=True):
+        a, b, c = uv[mesh.triangle_corners].astype(float).transpose(1, 0, 2)
+        assert (np.linalg.det(np.stack([b - a, c - a], 1)) > 0.0).all()
 
 
 @pytest.mark.parametrize("name", PATCHES)

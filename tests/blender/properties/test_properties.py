@@ -8,7 +8,7 @@ import pytest
 from obscurance_addon.core.errors import SettingsError
 from obscurance_addon.core.falloff import Falloff
 from obscurance_addon.core.light.settings import Ambient, LightSettings, Quantity
-from obscurance_addon.core.lightmap.settings import LightmapSettings, UvMode
+from obscurance_addon.core.lightmap.settings import LightmapSettings, Unwrapper, UvMode
 from obscurance_addon.core.order.output import ImageFormat, OutputSettings, Scale, SharedMeshes, Target
 from obscurance_addon.core.settings import MAX_RAYS_PER_PATCH, BakeSettings, Sampler
 
@@ -37,6 +37,7 @@ OTHER = {
     "resolution_mode": "DENSITY",
     "texels_per_metre": 32.0,
     "uv_mode": "KEEP",
+    "unwrapper": "XATLAS",
     "uv_map": "UVMap",
     "margin": 8,
     "adaptive": False,
@@ -104,6 +105,7 @@ def test_every_setting_reaches_the_core(group):
         size=2048,
         texels_per_metre=32.0,
         uv_mode=UvMode.KEEP,
+        unwrapper=Unwrapper.XATLAS,
         uv_map="UVMap",
         margin=8,
         adaptive=False,
@@ -125,6 +127,7 @@ def test_every_choice_of_the_core_can_be_made(group):
         ("quantity", Quantity),
         ("ambient", Ambient),
         ("uv_mode", UvMode),
+        ("unwrapper", Unwrapper),
         ("image_format", ImageFormat),
     ):
         items = group.bl_rna.properties[name].enum_items

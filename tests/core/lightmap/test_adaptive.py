@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from obscurance_addon.core.falloff import Falloff
-from obscurance_addon.core.lightmap.adaptive import STRIDES, AdaptiveTexels
+from obscurance_addon.core.lightmap.adaptive import STRIDES, AdaptiveTexels, Band
 from obscurance_addon.core.lightmap.obscurances import TexelTracer
 from obscurance_addon.core.lightmap.settings import LightmapSettings
 from obscurance_addon.core.lightmap.texels import covered_texels
@@ -194,3 +194,27 @@ def test_an_open_floor_is_exactly_white():
         blocks = (200 // STRIDES[0]) ** 2
         rest = 200**2 - (200 // LEAST * LEAST - LEAST) ** 2  # right and above of the last blocks
         assert baked.traced < rest + 3 * blocks + 4 * 200
+
+
+@pytest.mark.parametrize("stride", STRIDES)
+def test_no_colour_leaves_the_range_of_those_it_is_made_of(stride):
+    """Corners and centre at random, in any mixture of what is known before R_ave and what waits for it."""
+    s = mapped_scene([flat(floor((0, 0), (2, 2)), (0, 0), 100.0)])
+    band = Band(covered_texels(s.triangles(), s.size, 0, (0, s.size)), (0, s.size))
+    random = np.random.default_rng(3)
+    band.values[:] = random.choice([0.0, 0.5, 1.0], band.values.shape) * random.random(band.values.shape)
+    blocks = band.open_blocks(stride, band.flat_blocks()[stride])
+    assert len(blocks.centre) > 100
+    sparse = np.concatenate([blocks.corners, blocks.centre[:, None]], 1)
+    band.known[sparse] = True
+    before = band.values.copy()
+    band.fill(blocks)
+    np.testing.assert_array_equal(band.values[band.known], before[band.known])
+    rows, columns = np.mgrid[:stride, :stride]
+    place = (blocks.row[:, None, None] * stride + rows) * s.size + blocks.column[:, None, None] * stride + columns
+    for _ in range(50):
+        colour = band.values @ random.normal(size=4)
+        own, inside = colour[sparse], colour[np.searchsorted(band.texels.index, place)].reshape(len(sparse), -1)
+        slack = 4 * np.finfo(float).eps * np.abs(band.values).max()
+        assert (inside <= own.max(1)[:, None] + slack).all()
+        assert (inside >= own.min(1)[:, None] - slack).all()

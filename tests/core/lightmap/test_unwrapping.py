@@ -11,13 +11,16 @@ import pytest
 
 from obscurance_addon.core.errors import BackendError, BakeCancelledError, GeometryError
 from obscurance_addon.core.lightmap import unwrapping as module
+from obscurance_addon.core.lightmap.settings import LightmapSettings, Unwrapper
 from obscurance_addon.core.lightmap.unwrap_worker import retired
-from obscurance_addon.core.lightmap.unwrapping import UnwrapMesh, unwrap
+from obscurance_addon.core.lightmap.unwrapping import TooManyChartsError, UnwrapMesh, unwrap
 from obscurance_addon.core.native_library import why_missing
 from obscurance_addon.core.process import child
 from tests.core.scenes import box, grid, icosphere, welded
 
-pytestmark = pytest.mark.skipif(bool(why_missing("xatlas")), reason="xatlas is not installed")
+MISSING = [kind.library for kind in Unwrapper if why_missing(kind.library)]
+pytestmark = pytest.mark.skipif(bool(MISSING), reason=f"{' and '.join(MISSING)} not installed")
+BOTH = pytest.mark.parametrize("unwrapper", Unwrapper)
 SIZE, PADDING, FINE = 256, 3, 4  # FINE: samples per texel
 
 
@@ -135,7 +138,7 @@ def samples_in(triangle, margin, step):
     for p, q in ((a, b), (b, c), (c, a)):
         normal = np.array([p[1] - q[1], q[0] - p[0]])
         length = np.hypot(*normal)
-        inside &= (points * step - p) @ normal > margin * length if length else True
+        inside &= (points * step - p) @ normal > margin * length if length else margin < 0.0
     return points[inside].astype(int)
 
 
@@ -163,6 +166,11 @@ def assert_whole_and_inside(atlas, meshes):
         assert page.max(initial=-1) < atlas.pages
 
 
+def assert_not_mirrored(atlas, meshes):
+    """Each triangle turns the same way in the map as in the mesh, seen from its front."""
+    assert min(map(cross, texels(atlas, meshes)[0])) >= 0.0
+
+
 def assert_even(atlas, meshes, tolerance):
     """Each object has the density told."""
     for mesh, uv, chart in zip(meshes, atlas.uv, atlas.chart, strict=True):
@@ -173,21 +181,24 @@ def assert_even(atlas, meshes, tolerance):
         assert flat == pytest.approx(real * atlas.texels_per_metre**2, rel=tolerance)
 
 
+@BOTH
 @pytest.mark.parametrize("name", AWKWARD)
-def test_awkward_meshes(name):
+def test_awkward_meshes(name, unwrapper):
     """1 % of area: rounding of coordinates, at float32 over a page of 256, on meshes some 10 texels wide or more."""
     meshes = [AWKWARD[name]]
-    atlas = place(meshes)
+    atlas = place(meshes, unwrapper=unwrapper)
     assert_apart(atlas, meshes)
     assert_whole_and_inside(atlas, meshes)
+    assert_not_mirrored(atlas, meshes)
     assert atlas.pages == 1
     if name != "needles":  # these are thinner than float32 tells on a page
         assert_even(atlas, meshes, 0.01)
 
 
-def test_all_at_once_is_deterministic():
+@BOTH
+def test_all_at_once_is_deterministic(unwrapper):
     meshes = [mesh for name, mesh in AWKWARD.items() if name not in ("huge", "small far away")]
-    one, two = (place(meshes, 512) for _ in range(2))
+    one, two = (place(meshes, 512, unwrapper=unwrapper) for _ in range(2))
     for name in ("uv", "page", "chart"):
         assert [a.tobytes() for a in getattr(one, name)] == [a.tobytes() for a in getattr(two, name)]
     assert one.texels_per_metre == two.texels_per_metre
@@ -196,11 +207,12 @@ def test_all_at_once_is_deterministic():
     assert sum(map(len, numbers)) == len(set().union(*numbers))
 
 
+@BOTH
 @pytest.mark.parametrize("padding", [0, 1, 2, 4, 8])
-def test_charts_keep_their_distance(padding):
+def test_charts_keep_their_distance(padding, unwrapper):
     """Between texels that two charts touch lie `padding` others."""
     meshes = [of(icosphere(2)), of(box((0, 0, 0), (1, 1, 1), 2)), of(torus(8)), prism(7, 0.3)]
-    atlas = place(meshes, 256, padding)
+    atlas = place(meshes, 256, padding, unwrapper=unwrapper)
     triangles, charts, _ = texels(atlas, meshes)
     owner = np.full((atlas.size, atlas.size), -1)
     fine = {}
@@ -218,10 +230,11 @@ def test_charts_keep_their_distance(padding):
             assert not ((here >= 0) & (there >= 0) & (here != there)).any()
 
 
-def test_polygons_stay_flat():
+@BOTH
+def test_polygons_stay_flat(unwrapper):
     """A planar n-gon keeps its shape: distances of corners are those in the world times the density."""
     mesh = prism(64)
-    atlas = place([mesh])
+    atlas = place([mesh], unwrapper=unwrapper)
     for face in (0, 1):
         loop = slice(mesh.face_start[face], mesh.face_start[face + 1])
         flat, real = atlas.uv[0][loop] * SIZE, mesh.positions[mesh.corner_vertex[loop]]
@@ -229,60 +242,83 @@ def test_polygons_stay_flat():
         np.testing.assert_allclose(gap[0], gap[1] * atlas.texels_per_metre, atol=0.02)
 
 
-def test_the_greatest_density_is_found():
+@BOTH
+def test_the_greatest_density_is_found(unwrapper):
     """Six equal squares cannot be wider than a third of a page, and come within padding and a texel of it."""
-    atlas = place([of(box((0, 0, 0), (1, 1, 1), 4))], 512, 2)
+    atlas = place([of(box((0, 0, 0), (1, 1, 1), 4))], 512, 2, unwrapper=unwrapper)
     best = (512 - 3 - 3 * 2) / 3
     assert best / 1.03 < atlas.texels_per_metre <= 512 / 3
 
 
-def test_given_density_takes_pages():
+@BOTH
+def test_given_density_takes_pages(unwrapper):
     meshes = [of(icosphere(3)), of(box((0, 0, 0), (2, 3, 1), 6), "Box")]
-    atlas = place(meshes, 128, texels_per_metre=50.0)
+    atlas = place(meshes, 128, texels_per_metre=50.0, unwrapper=unwrapper)
     assert atlas.texels_per_metre == 50.0
     assert atlas.pages > 1
     assert {p for page in atlas.page for p in page.tolist()} == set(range(atlas.pages))
     assert_apart(atlas, meshes)
+    assert_not_mirrored(atlas, meshes)
     assert_even(atlas, meshes, 0.01)
 
 
-def test_wide_charts_are_cut():
+@BOTH
+def test_wide_charts_are_cut(unwrapper):
     """A plane of 3 x 3 pages falls into parts, none of them shrunk."""
     mesh = of(grid((0, 0, 0), (3, 0, 0), (0, 3, 0), 30, 30))
-    atlas = place([mesh], 64, texels_per_metre=64.0)
+    atlas = place([mesh], 64, texels_per_metre=64.0, unwrapper=unwrapper)
     assert atlas.pages >= 9
     assert_even(atlas, [mesh], 0.01)
     assert_apart(atlas, [mesh])
 
 
-def test_a_face_wider_than_a_page():
+@BOTH
+def test_a_face_wider_than_a_page(unwrapper):
     with pytest.raises(
         GeometryError, match=r"a face of object 'Floor' is 10 m wide, 1000 texels, .* lower .* raise the size"
     ):
-        place([of(grid((0, 0, 0), (10, 0, 0), (0, 1, 0)), "Floor")], 512, texels_per_metre=100.0)
+        place([of(grid((0, 0, 0), (10, 0, 0), (0, 1, 0)), "Floor")], 512, texels_per_metre=100.0, unwrapper=unwrapper)
 
 
-def test_too_many_pages():
+@BOTH
+def test_too_many_pages(unwrapper):
     with pytest.raises(GeometryError, match=r"more than 100; lower the texels per metre or raise the size"):
-        place([of(box((0, 0, 0), (1, 1, 1), 64))], 16, texels_per_metre=100.0)
+        place([of(box((0, 0, 0), (1, 1, 1), 64))], 16, texels_per_metre=100.0, unwrapper=unwrapper)
 
 
-def test_too_many_charts_for_a_page():
+@BOTH
+@pytest.mark.parametrize(("padding", "least"), [(2, 480), (4, 80)], ids=["packed", "counted"])
+def test_too_many_charts_for_a_page(padding, least, unwrapper, monkeypatch):
+    """Eighty boxes are so many charts at least, which is known before anything is cut."""
     parts = joined(*[box((3 * i, 0, 0), (3 * i + 1, 1, 1)) for i in range(80)])
-    with pytest.raises(GeometryError, match=r"480 charts, .* raise the size, lower the padding"):
-        place([parts], 32, 4)
+    if padding == 4:
+        monkeypatch.setattr(module, "ChildProcess", None)
+    with pytest.raises(TooManyChartsError, match=rf"at least {least} charts, more than a page of 32 x 32") as caught:
+        place([parts], 32, padding, unwrapper=unwrapper)
+    assert caught.value.charts == least
 
 
-def test_a_vertex_far_astray():
+def test_the_refusal_of_too_many_charts_proposes_what_holds_them():
+    """Raising the size alone does not help for ever: the padding grows with it."""
+    few, many, most = (LightmapSettings(margin=16).cure_for(charts) for charts in (9_000, 60_000, 10_000_000))
+    assert few == "raise the size to 2048 (Size, --size 2048)"
+    assert many == "raise the size to 2048 (Size, --size 2048) and lower the margin to 8 (Margin, --margin 8)"
+    assert most.startswith("unwrap fewer objects at once, or give a density")
+    assert LightmapSettings(size=8192, margin=64).cure_for(200_000) == "lower the margin to 4 (Margin, --margin 4)"
+
+
+@BOTH
+def test_a_vertex_far_astray(unwrapper):
     """One face takes the page, the others shrink to points on it."""
     sphere = icosphere(2)
     faces = [*sphere.triangles.tolist(), [0, 1, len(sphere.vertices)]]
-    atlas = place([polygons("Astray", np.append(sphere.vertices, [[1e14, 0, 0]], 0), faces)])
+    atlas = place([polygons("Astray", np.append(sphere.vertices, [[1e14, 0, 0]], 0), faces)], unwrapper=unwrapper)
     assert (atlas.page[0] == 0).all()
 
 
-def test_faces_without_area_are_told():
-    atlas = place([AWKWARD["broken"], of(icosphere(1))])
+@BOTH
+def test_faces_without_area_are_told(unwrapper):
+    atlas = place([AWKWARD["broken"], of(icosphere(1))], unwrapper=unwrapper)
     assert atlas.page[0].tolist() == [0, -1, -1, -1, -1, -1, 0]
     assert atlas.notes == [
         "faces without area, or far astray, get no texels: 'Broken'; remove these faces, or scale the objects up"
@@ -300,9 +336,11 @@ def test_nothing_to_unwrap(meshes):
     assert all(f"'{mesh.name}'" in str(caught.value) for mesh in meshes)
 
 
-def test_empty_meshes_beside_others():
+@BOTH
+def test_empty_meshes_beside_others(unwrapper):
     atlas = place(
-        [polygons("Nil", [], []), of(icosphere(1)), polygons("Line", np.eye(3)[:1].repeat(3, 0), [[0, 1, 2]])]
+        [polygons("Nil", [], []), of(icosphere(1)), polygons("Line", np.eye(3)[:1].repeat(3, 0), [[0, 1, 2]])],
+        unwrapper=unwrapper,
     )
     assert [len(page) for page in atlas.page] == [0, 80, 1]
     assert atlas.notes == [
@@ -310,12 +348,19 @@ def test_empty_meshes_beside_others():
     ]
 
 
-def test_a_polygon_that_overlaps_itself_is_told():
+@BOTH
+def test_a_polygon_that_overlaps_itself_is_told(unwrapper):
+    """A staircase around a corner, more than once; a bow, which unfolds, is nothing to tell."""
+    turn = np.linspace(0.0, 3.5 * np.pi, 30)
+    stairs = [(0, 0, 0), *np.stack([np.cos(turn), np.sin(turn), 0.02 * turn], 1)]
     bow = polygons("Bow", [(0, 0, 0), (1, 1, 0), (1, 0, 0.3), (0, 2, 0)], [[0, 1, 2, 3]])
-    assert place([bow]).notes == ["twisted faces overlap themselves when laid flat: 'Bow'; triangulate them"]
+    atlas = place([polygons("Stairs", stairs, [list(range(31))]), bow], unwrapper=unwrapper)
+    assert atlas.notes == ["twisted faces overlap themselves when laid flat: 'Stairs'; triangulate them"]
+    assert_apart(place([bow], unwrapper=unwrapper), [bow])
 
 
-def test_cancelling_ends_the_child(monkeypatch):
+@BOTH
+def test_cancelling_ends_the_child(monkeypatch, unwrapper):
     started = []
     start = subprocess.Popen
     monkeypatch.setattr(subprocess, "Popen", lambda *a, **k: started.append(start(*a, **k)) or started[-1])
@@ -325,7 +370,7 @@ def test_cancelling_ends_the_child(monkeypatch):
 
     begin = time.monotonic()
     with pytest.raises(BakeCancelledError):
-        place([of(icosphere(6))], check=check)
+        place([of(icosphere(6))], check=check, unwrapper=unwrapper)
     assert started[0].returncode is not None
     assert time.monotonic() - begin < 5.0  # the unwrapping itself takes as long; starting it takes a tenth
 
@@ -366,7 +411,8 @@ def test_a_failing_child(kind, monkeypatch, tmp_path):
     script, message = CHILDREN[kind]
     (tmp_path / "child.py").write_text(FIRST_LINES.format(start=str(child._START)) + script)
     monkeypatch.setattr(child, "_START", tmp_path / "child.py")
-    monkeypatch.setattr(module, "PATIENCE", 1.0)
+    if kind == "hang":
+        monkeypatch.setattr(module, "PATIENCE", 2.0)
     with pytest.raises(BackendError, match=message):
         place([of(icosphere(0), "First"), of(icosphere(0), "Second")])
 
@@ -430,9 +476,34 @@ def test_atlases_rest_before_they_are_freed(monkeypatch):
     assert [ref() is not None for ref in alive] == [False, True, True]
 
 
-def test_progress_grows_to_its_end():
+def test_what_the_library_prints_is_one_note():
+    """A rim of pentagons at which xatlas prints an assertion and goes on."""
+    corners = [[0.4781, 0.0, 0.0], [0.4691, 0.0, 0.0205], [0.4691, 0.0, 0.0205]]
+    turn = 2.0 * np.pi * np.arange(32)[:, None] / 32
+    radius, _, height = np.array(corners).T
+    points = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.broadcast_to(height, (32, 3))], -1)
+    points[:, 2, :2] = 0.5 * (points[:, 1, :2] + np.roll(points[:, 1, :2], -1, 0))
+    faces = [[3 * i, 3 * i + 1, 3 * i + 2, 3 * i + 4, 3 * i + 3] for i in range(17)]
+    rim = polygons("Rim", np.float32(points), faces)
+    cut = np.tile([[4, 0, 1], [2, 3, 4], [1, 2, 4]], (17, 1, 1))  # as Blender does it
+    cut[[5, 13], 1:] = [[1, 2, 3], [1, 3, 4]]
+    rim = replace(rim, triangle_corners=(cut + 5 * np.arange(17)[:, None, None]).reshape(-1, 3))
+    (note,) = place([rim], 256, 4, unwrapper=Unwrapper.XATLAS).notes
+    assert "ASSERT" in note
+    assert "--unwrapper" in note
+    assert place([rim], 256, 4, unwrapper=Unwrapper.UVUNWRAP).notes == []
+
+
+def test_a_missing_library_names_the_other(monkeypatch):
+    monkeypatch.setattr(module, "why_missing", lambda name: "is gone" if name == "uvunwrap" else None)
+    with pytest.raises(BackendError, match=r"is gone, or choose the unwrapper xatlas \(--unwrapper XATLAS\)"):
+        place([of(icosphere(0))], unwrapper=Unwrapper.UVUNWRAP)
+
+
+@BOTH
+def test_progress_grows_to_its_end(unwrapper):
     heard = []
-    place([of(icosphere(2)), of(icosphere(1))], progress=heard.append)
+    place([of(icosphere(2)), of(icosphere(1))], progress=heard.append, unwrapper=unwrapper)
     assert heard == sorted(heard)
     assert heard[0] == 0.0
     assert 0.6 < heard[-1] <= 1.0

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .planar import FLAT, bounds_of, overlapping, overlaps_itself, projected, twice_areas, unfolded
 from .retired import retire
 
 BOX = 1000.0  # side of the box that a mesh is scaled to: xatlas hangs on huge coordinates, drops areas below 1e-7
@@ -18,12 +19,9 @@ CHARTS_AT_LEAST = 8  # per mesh, and ...
 TRIANGLES_PER_CHART = 600  # ... no more of these in one on average, for the time goes with their square
 FINE_TEXELS = 1.0e4  # per unit of the box: xatlas stretches charts to whole texels, which is nothing on such a grid
 SHRUNK_TO, SCRATCH = 9, 512  # then it shrinks each chart evenly to this, so that its own packing costs nothing
-PENETRATION = 5.0e-5  # of a chart's extent: overlaps less deep are rounding, 0.1 texel on a page of 2048
-PAIRS_AT_ONCE, PAIRS_PER_MESH = 1 << 19, 5 * 10**7  # bounds memory and time
 GENTLE = 3.5e-4, 1.5e-2  # radians between normals: more than rounding, and up to what xatlas takes for flat
 ROUGH = 0.05  # of the shortest edge; bends neighbours by a few degrees; areas are set right afterwards
 NONE = 0xFFFFFFFF  # what xatlas has for no chart
-FLAT = 1.0e-9  # relative area below which a polygon's own normal says nothing
 
 
 class Unplaceable(Exception):  # noqa: N818 - an answer, not a fault
@@ -49,14 +47,6 @@ class Cut:
 
     def loop(self, face: int) -> slice:
         return slice(self.face_start[face], self.face_start[face + 1])
-
-
-def twice_areas(triangles: np.ndarray) -> np.ndarray:
-    """Twice the area of triangles (t, 3, 2 or 3); signed in the plane."""
-    a, b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    if triangles.shape[-1] == 2:
-        return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return np.linalg.norm(np.cross(a, b), axis=1)
 
 
 def run_xatlas(xatlas: object, cut: Cut, largest: float) -> set[int]:
@@ -114,16 +104,13 @@ def roughened(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def lay_flat(cut: Cut, face: int, corners: np.ndarray) -> None:
-    """Projects a face on its own plane (Newell's normal), turned to its smallest rectangle."""
-    points = cut.points[cut.loop(face)] - cut.points[cut.loop(face)].mean(0)
-    normal = np.cross(points, np.roll(points, -1, 0)).sum(0)
-    own = cut.points[corners]
-    if not np.linalg.norm(normal) > FLAT * twice_areas(own).sum():
-        normal = np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])[twice_areas(own).argmax()]
-    edges = np.roll(points, -1, 0) - points
-    along = edges[(edges**2).sum(1).argmax()]
-    across = np.cross(normal, along)
-    flat = points @ np.stack([along / np.linalg.norm(along), across / (np.linalg.norm(across) or 1.0)], 1)
+    """Lays a face flat, turned to its smallest rectangle: on its own plane, or unfolded where that would fold it."""
+    flat = projected(cut.points[cut.loop(face)], cut.points[corners])
+    own = corners - cut.face_start[face]
+    if overlaps_itself(flat[own]):
+        flat = unfolded(cut.points[cut.loop(face)], own)
+        if overlaps_itself(flat[own]):
+            cut.folded.add(face)
     side = np.roll(flat, -1, 0) - flat
     length = np.linalg.norm(side, axis=1)
     c, s = (side[length > 0.0] / length[length > 0.0, None]).T
@@ -131,46 +118,6 @@ def lay_flat(cut: Cut, face: int, corners: np.ndarray) -> None:
     width, height = np.ptp(turned[0], 1), np.ptp(turned[1], 1)
     best = (width * height + FLAT * (width + height) ** 2).argmin()
     cut.uv[cut.loop(face)] = np.stack([turned[0][best], turned[1][best]], 1)
-    signed = twice_areas(cut.uv[corners])
-    if np.abs(signed).sum() - abs(signed.sum()) > PENETRATION * np.abs(signed).sum():
-        cut.folded.add(face)
-
-
-def overlapping(triangles: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Pairs (p, 2) of triangles (t, 3, 2) of one chart whose insides meet, and whether the search was complete."""
-    low, high = triangles.min(1), triangles.max(1)
-    count = int(chart.max(initial=-1)) + 1
-    start, end = bounds_of(triangles, chart, count)
-    scaled = (triangles - start[chart][:, None]) / np.maximum((end - start).max(1), 1e-300)[chart][:, None, None]
-    longest = np.linalg.norm(scaled - np.roll(scaled, 1, 1), axis=2).max(1)
-    wide = np.flatnonzero(np.abs(twice_areas(scaled)) > 2.0 * PENETRATION * longest)
-    place = scaled[wide].min(1)[:, 0] + 2.0 * chart[wide]
-    wide = wide[np.argsort(place, kind="stable")]
-    shape = scaled[wide]
-    shape[twice_areas(shape) < 0.0] = shape[twice_areas(shape) < 0.0][:, ::-1]
-    low, high, place = shape.min(1), shape.max(1), np.sort(place, kind="stable")
-    last = np.searchsorted(place, high[:, 0] + 2.0 * chart[wide] - PENETRATION)
-    partners = np.maximum(last - np.arange(len(wide)) - 1, 0)
-    total = np.concatenate([[0], np.cumsum(partners)])
-    found, first = [np.zeros((0, 2), np.int64)], 0
-    while first < len(wide) and total[first] < PAIRS_PER_MESH:
-        stop = max(first + 1, int(np.searchsorted(total, total[first] + PAIRS_AT_ONCE, "right")) - 1)
-        a = np.repeat(np.arange(first, stop), partners[first:stop])
-        b = a + 1 + np.arange(len(a)) - (total[a] - total[first])
-        near = (low[b, 1] < high[a, 1] - PENETRATION) & (low[a, 1] < high[b, 1] - PENETRATION)
-        a, b = a[near], b[near]
-        meet = ~(apart(shape[a], shape[b]) | apart(shape[b], shape[a]))
-        found.append(np.stack([wide[a[meet]], wide[b[meet]]], 1))
-        first = stop
-    return np.concatenate(found), first == len(wide)
-
-
-def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(p,) whether an edge of the anticlockwise triangle a (p, 3, 2) has all of b beyond it."""
-    edge = np.roll(a, -1, 1) - a
-    outwards = np.stack([edge[..., 1], -edge[..., 0]], -1) / np.linalg.norm(edge, axis=2)[..., None]
-    depth = np.einsum("pek,pvk->pev", outwards, b) - np.einsum("pek,pek->pe", outwards, a)[..., None]
-    return (depth.min(2) > -PENETRATION).any(1)
 
 
 def to_world_scale(cut: Cut) -> np.ndarray:
@@ -186,15 +133,6 @@ def to_world_scale(cut: Cut) -> np.ndarray:
     of = np.repeat(cut.chart, np.diff(cut.face_start))
     cut.uv[of >= 0] = (cut.uv[of >= 0] - low[of[of >= 0]]) * scale[of[of >= 0], None]
     return np.flatnonzero(thin)
-
-
-def bounds_of(triangles: np.ndarray, chart: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest coordinates (count, 2) of the triangles (t, 3, 2) of each chart; 0 for charts without any."""
-    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
-    np.minimum.at(low, chart, triangles.min(1))
-    np.maximum.at(high, chart, triangles.max(1))
-    used = np.isfinite(low)
-    return np.where(used, low, 0.0), np.where(used, high, 0.0)
 
 
 def grow_again(cut: Cut, faces: np.ndarray, clash: dict[int, set[int]], limit: float) -> None:
@@ -228,6 +166,7 @@ def cut_mesh(xatlas: object, cut: Cut, limit: float) -> None:
     """Charts of one mesh; `limit` is the greatest extent of a chart in metres."""
     broken = run_xatlas(xatlas, cut, 0.5 * limit)
     cut.chart[np.isin(cut.chart, to_world_scale(cut))] = -1
+    broken |= drop_turned_over(cut)
     of = cut.chart[cut.face]
     placed = np.flatnonzero(of >= 0)
     pairs, complete = overlapping(cut.uv[cut.corners[placed]], of[placed])
@@ -253,6 +192,33 @@ def cut_mesh(xatlas: object, cut: Cut, limit: float) -> None:
         lay_flat_all(cut, single)
         flat |= set(single.tolist())
         to_world_scale(cut)
+    unmirror(cut)
+
+
+def drop_turned_over(cut: Cut) -> set[int]:
+    """Takes faces that are turned over beside the others out of their charts; those charts are returned."""
+    placed = cut.chart[cut.face] >= 0
+    of, shape = cut.chart[cut.face[placed]], cut.uv[cut.corners[placed]]
+    count = int(of.max(initial=-1)) + 1
+    signed = twice_areas(shape)
+    extent = bounds_of(shape, of, count)[1].max(1)
+    signed *= np.where(np.bincount(of, signed, count) < 0.0, -1.0, 1.0)[of]
+    faces = np.unique(cut.face[placed][signed < -FLAT * extent[of] ** 2])
+    broken = set(cut.chart[faces].tolist())
+    cut.chart[faces] = -1
+    return broken
+
+
+def unmirror(cut: Cut) -> None:
+    """Flips the charts that show their faces from behind, each in its own box, before anything is packed."""
+    of = cut.chart[cut.face]
+    placed = of >= 0
+    count = int(of.max(initial=-1)) + 1
+    signed = np.bincount(of[placed], twice_areas(cut.uv[cut.corners[placed]]), count)
+    width = bounds_of(cut.uv[cut.corners[placed]], of[placed], count)[1][:, 0]
+    of = np.repeat(cut.chart, np.diff(cut.face_start))
+    mirrored = (of >= 0) & (signed < 0.0)[of]
+    cut.uv[mirrored, 0] = width[of[mirrored]] - cut.uv[mirrored, 0]
 
 
 def lay_flat_all(cut: Cut, faces: np.ndarray) -> None:

@@ -8,7 +8,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .charts import Cut, Unplaceable, twice_areas
+from .charts import Cut, Unplaceable
+from .planar import twice_areas
 from .retired import retire
 
 ORPHANED = 2.0  # times its patience, no parent has ended this process: it ends itself, whatever the system
@@ -18,6 +19,7 @@ SNAP = 2.0**-10  # texel; corners are either equal or so far apart that xatlas s
 SEEN = 1.0e-6  # square texels, well over the area below which it does not see them (1.2e-7)
 CHARTS_PER_GROUP = 256  # equal coordinates in a group are compared each with each
 FIRST_GUESS, STEP, PRECISION, TRIES = 0.8, 0.85, 1.01, 40  # search for the greatest density
+ROUGHLY = 1.1  # how far the search goes that only finds out how charts lie best
 BRUTE_FORCE, GAIN = 10**8, 1.08  # charts times texels; 0.3 s for each of 4 tries, which gained up to 3.5 %
 
 
@@ -31,16 +33,36 @@ class Packer:
         self.xatlas, self.say, self.triangles, self.chart = xatlas, say, triangles[order], chart[order]
         self.size, self.padding, self.seconds = int(job["size"]), int(job["padding"]), float(job["pack_seconds"])
         self.count = int(self.chart[-1]) + 1
+        self.turned = np.zeros(self.count, bool)  # which charts stand a quarter turn from how they were cut
+        self.area = 0.5 * float(np.abs(twice_areas(self.triangles)).sum())
+        self.tries, self.brute_force, self.may_swap = 0, False, False
+        self._measure()
+
+    def _measure(self) -> None:
+        """Find the extent of each chart and the corners that reach farthest."""
         points, of = self.triangles.reshape(-1, 2), np.repeat(self.chart, 3)
         after = np.searchsorted(of, np.arange(1, self.count + 1))
         self.right, self.top = (np.lexsort((points[:, axis], of))[after - 1] for axis in (0, 1))
         self.left = np.lexsort((-points[:, 0], of))[after - 1]
         self.extent = np.stack([points[self.right, 0], points[self.top, 1]], 1)
-        self.area = 0.5 * float(np.abs(twice_areas(self.triangles)).sum())
-        self.tries, self.brute_force = 0, False
+
+    def turn(self, wanted: np.ndarray) -> None:
+        """Turn charts so that those `wanted` (n,) stand a quarter turn from how they were cut, the others as cut."""
+        now = self.turned != wanted
+        back = self.turned & now
+        for which, turn in ((now & ~back, quarter_turn), (back, quarter_turn_back)):
+            of = which[self.chart]
+            shape = self.triangles[of]
+            self.triangles[of] = turn(shape, self.extent[self.chart[of], None])
+        self.turned = wanted
+        self._measure()
 
     def pack(self, density: float) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
-        """Number of pages; page (n,) int, corner (n, 2) in texels and whether x and y are exchanged, of each chart."""
+        """Number of pages; page (n,) int, corner (n, 2) in texels and whether x and y are exchanged, of each chart.
+
+        Only where `may_swap` is set are x and y exchanged: that mirrors a chart, so it serves to find out how charts
+        lie best.
+        """
         faulthandler.dump_traceback_later(ORPHANED * self.seconds, exit=True)
         self.say(("pack", self.tries))
         self.tries += 1
@@ -49,6 +71,7 @@ class Packer:
         # xatlas widens every chart by its padding, so that two of them are twice as far apart.
         options.resolution, options.padding, options.texels_per_unit = self.size, (self.padding + 1) // 2, 1.0
         options.rotate_charts_to_axis, options.bruteForce = False, self.brute_force
+        options.rotate_charts = self.may_swap
         atlas, groups = self.xatlas.Atlas(), []
         cuts = np.searchsorted(chart, np.arange(0, self.count + CHARTS_PER_GROUP, CHARTS_PER_GROUP))
         for first, last in itertools.pairwise(cuts):
@@ -103,23 +126,50 @@ class Packer:
 
     def densest(self) -> tuple[float, tuple]:
         """The greatest density at which one page holds all charts, and the placing there."""
-        most = min(self.size / max(self.area, 1e-300) ** 0.5, (self.size - 1) / float(self.extent.max()))
-        low = FIRST_GUESS * most
+        self.may_swap = True
+        low, placed = self._search(FIRST_GUESS * self._most(), ROUGHLY)
+        wide, self.may_swap = self.extent[:, 1] > self.extent[:, 0], False
+        self.turn(placed[3])
+        low, placed = self._search(low, PRECISION)
+        turned = self.turned
+        if (wide != turned).any():
+            self.turn(wide)
+            better = self.pack(PRECISION * low)
+            if better[0] == 1:
+                return self._refined(*self._between(PRECISION * low, min(GAIN * low, self._most()), better, PRECISION))
+            self.turn(turned)
+        return self._refined(low, placed)
+
+    def at(self, density: float) -> tuple:
+        """The placing on as many pages as this density takes."""
+        self.may_swap = True
+        placed = self.pack(density)
+        self.may_swap = False
+        self.turn(placed[3])
+        return self.pack(density)
+
+    def _most(self) -> float:
+        """A density that no page can exceed."""
+        return min(self.size / max(self.area, 1e-300) ** 0.5, (self.size - 1) / float(self.extent.max()))
+
+    def _search(self, low: float, precision: float) -> tuple[float, tuple]:
+        most = self._most()
         for _ in range(TRIES):
             placed = self.pack(low)
             if placed[0] == 1:
-                break
+                return self._between(low, most, placed, precision)
             most, low = low, low * STEP
-        else:
-            raise Unplaceable("crowded", int(self.count))
-        low, placed = self._between(low, most, placed)
+        raise Unplaceable("crowded", int(self.count))
+
+    def _refined(self, low: float, placed: tuple) -> tuple[float, tuple]:
+        """What trying every place gains, where that is quick."""
         if self.count * self.size**2 > BRUTE_FORCE:
             return low, placed
         self.brute_force = True
-        return self._between(low, min(GAIN * low, (self.size - 1) / float(self.extent.max())), placed)
+        return self._between(low, min(GAIN * low, self._most()), placed, PRECISION)
 
-    def _between(self, low: float, most: float, placed: tuple) -> tuple[float, tuple]:
-        while most > PRECISION * low:
+    def _between(self, low: float, most: float, placed: tuple, precision: float) -> tuple[float, tuple]:
+        while most > precision * low:
             middle = (low * most) ** 0.5
             result = self.pack(middle)
             if result[0] == 1:
@@ -127,6 +177,16 @@ class Packer:
             else:
                 most = middle
         return low, placed
+
+
+def quarter_turn(points: np.ndarray, extent: np.ndarray) -> np.ndarray:
+    """Points (..., 2) of charts that reach from 0 to `extent` (..., 2), turned anticlockwise; from 0 again."""
+    return np.stack([extent[..., 1] - points[..., 1], points[..., 0]], -1)
+
+
+def quarter_turn_back(points: np.ndarray, extent: np.ndarray) -> np.ndarray:
+    """As `quarter_turn`, but clockwise."""
+    return np.stack([points[..., 1], extent[..., 0] - points[..., 0]], -1)
 
 
 def pack_cuts(xatlas: object, cuts: list[Cut], job: dict, say: Callable[[tuple], None]) -> dict[str, np.ndarray]:
@@ -139,7 +199,7 @@ def pack_cuts(xatlas: object, cuts: list[Cut], job: dict, say: Callable[[tuple],
     triangles = np.concatenate([cut.uv[cut.corners] for cut in cuts])
     packer = Packer(xatlas, triangles, np.concatenate([cut.chart[cut.face] for cut in cuts]), job, say)
     density = float(job["density"])
-    density, (pages, page, corner, swapped) = (density, packer.pack(density)) if density else packer.densest()
+    density, (pages, page, corner, _) = (density, packer.at(density)) if density else packer.densest()
     if pages > int(job["most_pages"]):
         raise Unplaceable("pages", int(pages))
     result = {"density": np.array(density), "pages": np.array(pages)}
@@ -147,8 +207,10 @@ def pack_cuts(xatlas: object, cuts: list[Cut], job: dict, say: Callable[[tuple],
         of = np.repeat(cut.chart, np.diff(cut.face_start))
         placed = of >= 0
         of = of[placed]
-        uv = cut.uv[placed] * density
-        uv[swapped[of]] = uv[swapped[of]][:, ::-1]
+        uv = cut.uv[placed]
+        turned = packer.turned[of]
+        uv[turned] = quarter_turn(uv[turned], packer.extent[of[turned], ::-1])
+        uv *= density
         result[f"uv{i}"] = np.zeros((len(cut.uv), 2), np.float32)
         result[f"uv{i}"][placed] = (uv + corner[of]) / packer.size
         result[f"chart{i}"] = cut.chart.astype(np.int32)

@@ -18,6 +18,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from ...core.files import TargetError, check_folder_target
 from . import frame_file
 from .cache_index import NAME, CacheIndex, FrameCacheError, is_generation
 
@@ -123,16 +124,14 @@ def check_folder(folder: Path) -> CacheIndex | None:
     OSError
         or looked at.
     """
+    try:
+        check_folder_target(folder)
+    except TargetError as error:
+        raise FrameCacheError(str(error)) from None
+    if folder.is_symlink() and not folder.exists():
+        raise FrameCacheError(f"'{folder}' is a link to nothing: remove it, or choose another folder")
     if not folder.is_dir():
-        if folder.is_symlink() and not folder.exists():
-            raise FrameCacheError(f"'{folder}' is a link to nothing: remove it, or choose another folder")
-        if folder.exists():
-            raise FrameCacheError(f"'{folder}' is no folder: choose another name for the frame cache")
-        if not folder.parent.is_dir():
-            raise FrameCacheError(f"the folder '{folder.parent}' does not exist: create it first")
-        _demand_writable(folder.parent)
         return None
-    _demand_writable(folder)
     index = _index(folder)
     own = {_LOCK, _PART} | ({NAME} | index.files_beside() if index else set())
     for entry in sorted(os.scandir(folder), key=lambda entry: entry.name):
@@ -145,13 +144,6 @@ def check_folder(folder: Path) -> CacheIndex | None:
                 f"'{folder}' holds '{others[0]}', which is not of a frame cache: choose another folder"
             )
     return index
-
-
-def _demand_writable(folder: Path) -> None:
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise FrameCacheError(
-            f"the folder '{folder}' cannot be written to: change its permissions, or choose another one"
-        )
 
 
 def _index(folder: Path) -> CacheIndex | None:

@@ -70,12 +70,12 @@ def test_what_is_no_cache_is_refused_and_kept(tmp_path):
     (tmp_path / "linked" / "frames-0123456789ab").symlink_to(tmp_path / "frames")
     before = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
     reasons = {
-        "file": "is no folder",
-        "pipe": "is no folder",
+        "file": "is a file: name a folder",
+        "pipe": "is a pipe: name a folder",
         "dangling": "is a link to nothing",
         "missing/c": "does not exist: create it first",
         "file/c": "does not exist: create it first",
-        "x" * 300: "(name too long|file name too long).*choose another",
+        "x" * 300: "name is too long for the disk: choose a shorter one",
         "notes": "holds 'notes.txt'",
         "index": "holds 'index.json'",
         "frames": "holds 'frame_000001.npz'",

@@ -216,7 +216,8 @@ def _bake_once(context, objects: list, asked: _Asked, file: _File) -> tuple[dict
 
 def _bake_frames(context, objects: list, asked: _Asked, file: _File) -> tuple[dict, str]:
     """Bake a range of frames; results as for `_bake_once`."""
-    from ..blender.animation import FrameCache, FrameRange, bake_frames, check_exportable, play_back
+    from ..blender.animation import FrameRange, bake_frames, check_exportable, play_back
+    from ..blender.frame_caches import FrameCache
 
     options, output = file.options, file.output
     folder = Path(os.path.abspath(frame_cache(options, output)))

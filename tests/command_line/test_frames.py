@@ -9,8 +9,8 @@ import pytest
 
 from obscurance_addon.blender.animation import export_whole
 from obscurance_addon.blender.animation.export_check import ExportError
-from obscurance_addon.blender.animation.frame_cache import FrameCache, FrameCacheError
 from obscurance_addon.blender.animation.live_preview import PREVIEW
+from obscurance_addon.blender.frame_caches.frame_cache import FrameCache, FrameCacheError
 from obscurance_addon.blender.writing import ExportFormat, copy_for_export
 from obscurance_addon.command_line import batch
 from obscurance_addon.core.order import OutputSettings

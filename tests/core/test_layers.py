@@ -33,6 +33,7 @@ ORDER = (
     ("blender.materials",),
     ("blender.reading",),
     ("blender.writing",),
+    ("blender.frame_caches",),
     ("blender.display",),
     ("blender.jobs",),
     ("blender.animation",),

@@ -13,8 +13,8 @@ from pathlib import Path
 import bpy
 
 from ...core.errors import ObscuranceError
+from ..frame_caches import FrameCache
 from ..writing import LAYERS, ExportFormat, check_export_name, color_attribute, copy_for_export, records
-from .frame_cache import FrameCache
 from .frame_range import at_every_frame
 
 FORMATS = {

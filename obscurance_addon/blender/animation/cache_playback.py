@@ -8,8 +8,7 @@ import bpy
 
 from ...core.errors import ObscuranceError
 from ...core.notes import named
-from .cache_index import FrameCacheError
-from .frame_cache import FrameCache
+from ..frame_caches import FrameCache, FrameCacheError
 
 
 class CachePlayback:

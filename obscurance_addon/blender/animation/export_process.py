@@ -16,11 +16,11 @@ from pathlib import Path
 import bpy
 
 from ...core.errors import ObscuranceError
+from ..frame_caches import FrameCache
 from ..reading import ObjectModeGuard
 from ..stored_preferences import ADDON
 from .animated_export import export_animation
 from .export_check import ExportError, check_export
-from .frame_cache import FrameCache
 
 _MARK = "obscurance export: "  # before a message to the caller
 _REASONS = [os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)]

@@ -15,8 +15,8 @@ from ...core.light import LightSettings
 from ...core.order import OutputSettings, Target
 from ...core.settings import BakeSettings
 from ...core.updates import UpdateMode
+from ..frame_caches import FrameCache, FrameCacheWriter
 from ..writing import what_is_stored
-from .frame_cache import FrameCache, FrameCacheWriter
 from .frame_update import NOTHING_DONE, FrameReport, FrameUpdater
 from .full_update import FullUpdater
 

@@ -26,13 +26,13 @@ from ...core.order import OutputSettings, Run, SharedMeshes, Target
 from ...core.settings import BakeSettings
 from ...core.updates import UpdateMode
 from ..jobs import commit_count, is_baking
-from ..stored_preferences import ADDON
 from ..writing import keeps_what_is_written, separate
 from . import status_line
 from .cache_playback import CachePlayback
 from .followed_objects import preview_objects
 from .frame_update import FrameReport, FrameUpdater
 from .full_update import FullUpdater
+from .surroundings import in_edit_mode, is_playing, others_listen
 
 _SETTLED_S = 0.15  # without a change before an edit is followed
 _POLL_S = 0.05
@@ -97,7 +97,7 @@ class LivePreview:
     def prepare(self, scene: bpy.types.Scene) -> None:
         """Give each object that is followed a mesh of its own, within the undo step of who switches the preview on."""
         output = scene.obscurance.to_output()
-        if scene == bpy.context.scene and output.shared_meshes is SharedMeshes.SEPARATE and not _in_edit_mode():
+        if scene == bpy.context.scene and output.shared_meshes is SharedMeshes.SEPARATE and not in_edit_mode():
             notes = Notes()
             followed = preview_objects(bpy.context, output.attribute_name)
             separate([ob for ob in followed if keeps_what_is_written(ob.data)], [], notes)
@@ -119,7 +119,7 @@ class LivePreview:
             self._updater.note(depsgraph)
         elif self._updater is not None:  # of one that renders make anew for every frame
             self._updater.distrust()
-        if _in_edit_mode():  # where a mesh can neither be read nor written
+        if in_edit_mode():  # where a mesh can neither be read nor written
             self.status = "Waiting for Edit Mode to end"
             if depsgraph.mode == "RENDER":
                 self._tell_once("frames that render while a mesh is in Edit Mode keep the values that they had")
@@ -137,7 +137,7 @@ class LivePreview:
         This is evaluated after all handlers, and no one is told of it. In a window it is looked for once frames have
         settled. Elsewhere there is no later, so it is evaluated here; Blender survives that when it sorts all anew.
         """
-        if _others_listen():
+        if others_listen():
             self._distrust_updater()
             if not status_line.has_window():
                 depsgraph.debug_tag_update()
@@ -146,7 +146,7 @@ class LivePreview:
 
     def _looks_later(self) -> bool:
         """Whether there is more to follow when frames have settled than was in the frame."""
-        return status_line.has_window() and (_others_listen() or _is_playing())
+        return status_line.has_window() and (others_listen() or is_playing())
 
     def on_change(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None) -> None:
         """Something changed outside of a frame change: follow it once it settles."""
@@ -176,11 +176,11 @@ class LivePreview:
         waited = time.perf_counter() - self._changed_at
         if waited < _SETTLED_S:
             return _SETTLED_S - waited
-        if is_baking() or self._starting is not None or bpy.app.is_job_running("RENDER") or _in_edit_mode():
+        if is_baking() or self._starting is not None or bpy.app.is_job_running("RENDER") or in_edit_mode():
             return _BUSY_S
         bpy.context.view_layer.update()  # objects that were deleted are gone from it only then
         if self._playback.has(scene) or self._is_current(scene):
-            if _others_listen():
+            if others_listen():
                 self._distrust_updater()
             self._bring_up_to_date(scene, bpy.context.evaluated_depsgraph_get())
         else:
@@ -218,7 +218,7 @@ class LivePreview:
             if not self._is_current(scene) or self._has_new_objects(scene):
                 self._start(scene, depsgraph)
             else:
-                looks_at_pixels = not _is_playing()
+                looks_at_pixels = not is_playing()
                 self._tell(self._updater.update(bpy.context, depsgraph, self._rewrite, looks_at_pixels))
             self._rewrite = False
         except ObscuranceError as error:
@@ -282,7 +282,7 @@ class LivePreview:
                 self.status = f"Baking once: {run.progress:.0%}"
                 status_line.redraw_panels()
                 return _POLL_S
-            if is_baking() or self._busy or bpy.app.is_job_running("RENDER") or _in_edit_mode():
+            if is_baking() or self._busy or bpy.app.is_job_running("RENDER") or in_edit_mode():
                 return _BUSY_S
             updater.take(run)
         except ObscuranceError as error:
@@ -368,18 +368,3 @@ def _asked_of(
 
 def _uids_to_follow(scene: bpy.types.Scene) -> set[int]:
     return {ob.session_uid for ob in preview_objects(bpy.context, scene.obscurance.attribute_name)}
-
-
-def _others_listen() -> bool:
-    """Whether anything but this add-on may change the scene when a frame is set."""
-    handlers = (*bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post)
-    return any(not getattr(handler, "__module__", "").startswith(ADDON) for handler in handlers)
-
-
-def _is_playing() -> bool:
-    """Whether an animation plays in a window."""
-    return any(window.screen.is_animation_playing for window in bpy.context.window_manager.windows)
-
-
-def _in_edit_mode() -> bool:
-    return any(mesh.is_editmode for mesh in bpy.data.meshes)

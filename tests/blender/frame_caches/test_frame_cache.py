@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from obscurance_addon.blender.animation.frame_cache import FrameCache, FrameCacheError
-from tests.blender.animation.cache_helpers import holds, values, write, write_version_1
+from obscurance_addon.blender.frame_caches.frame_cache import FrameCache, FrameCacheError
+from tests.blender.frame_caches.cache_helpers import holds, values, write, write_version_1
 
 ROOT = Path(__file__).parents[3]
 OLD, NEW = values(1), values(2)
@@ -43,7 +43,7 @@ def test_the_same_frames_far_apart_and_before_0(tmp_path):
 
 
 def test_two_bakes_do_not_write_one_cache_at_a_time(tmp_path):
-    from obscurance_addon.blender.animation.cache_folder import CacheFolder
+    from obscurance_addon.blender.frame_caches.cache_folder import CacheFolder
 
     write(tmp_path / "c", OLD)
     first = CacheFolder(tmp_path / "c")
@@ -112,8 +112,8 @@ def test_without_room_the_former_cache_stays_and_the_reason_is_said(tmp_path, ki
 KILLED = """
 import os, pathlib, shutil, signal, sys
 import bpy
-from tests.blender.animation.cache_helpers import holds, values, write, write_version_1
-from tests.blender.animation.test_frame_cache import names
+from tests.blender.frame_caches.cache_helpers import holds, values, write, write_version_1
+from tests.blender.frame_caches.test_frame_cache import names
 
 STEPS = {"open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.listdir", "os.scandir"}
 old, new, last = values(1, 2), values(2, 2), values(3, 2)

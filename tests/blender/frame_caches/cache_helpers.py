@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from obscurance_addon.blender.animation.frame_cache import FrameCache, FrameCacheWriter
+from obscurance_addon.blender.frame_caches.frame_cache import FrameCache, FrameCacheWriter
 from obscurance_addon.core.order import OutputSettings
 
 SIZES = {"Floor": 16, "Block": 6, "Far": 4}

@@ -10,10 +10,10 @@ import bpy
 import numpy as np
 import pytest
 
-from obscurance_addon.blender.animation.frame_cache import FrameCache, FrameCacheError
 from obscurance_addon.blender.animation.live_preview import PREVIEW
+from obscurance_addon.blender.frame_caches.frame_cache import FrameCache, FrameCacheError
 from obscurance_addon.core.errors import ObscuranceError
-from tests.blender.animation.cache_helpers import FRAMES, SIZES, values, write, write_version_1
+from tests.blender.frame_caches.cache_helpers import FRAMES, SIZES, values, write, write_version_1
 from tests.blender.helpers import colors, cube, floor
 
 MUTATIONS = 300

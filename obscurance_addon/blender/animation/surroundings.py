@@ -1,0 +1,22 @@
+"""What else goes on in Blender while a scene is followed."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..stored_preferences import ADDON
+
+
+def others_listen() -> bool:
+    """Whether anything but this add-on may change the scene when a frame is set."""
+    handlers = (*bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post)
+    return any(not getattr(handler, "__module__", "").startswith(ADDON) for handler in handlers)
+
+
+def is_playing() -> bool:
+    """Whether an animation plays in a window."""
+    return any(window.screen.is_animation_playing for window in bpy.context.window_manager.windows)
+
+
+def in_edit_mode() -> bool:
+    return any(mesh.is_editmode for mesh in bpy.data.meshes)

@@ -197,7 +197,7 @@ def test_awkward_meshes(name, unwrapper):
 
 @BOTH
 def test_all_at_once_is_deterministic(unwrapper):
-    meshes = [mesh for name, mesh in AWKWARD.items() if name not in ("huge", "small far away")]
+    meshes = [mesh for name, mesh in AWKWARD.items() if name not in ("huge", "small far away", "fine sphere")]
     one, two = (place(meshes, 512, unwrapper=unwrapper) for _ in range(2))
     for name in ("uv", "page", "chart"):
         assert [a.tobytes() for a in getattr(one, name)] == [a.tobytes() for a in getattr(two, name)]

@@ -142,6 +142,7 @@ def _open_bake_save(file: _File) -> dict:
     bake = _bake_once if options.frames is None else _bake_frames
     entry, summary = bake(context, objects, asked, file)
     guard.restore(context)
+    baked_scene = context.scene.name
     _enter_scene(context, opened)  # the saved file opens as it did
     baked = time.perf_counter()
     blend.save(output)
@@ -151,7 +152,7 @@ def _open_bake_save(file: _File) -> dict:
     entry["warnings"] = blend.notes + entry["warnings"]
     if options.export is not None:
         with written_whole(options.export, check_whole) as part:
-            export_whole(output, Path(entry["frame_cache"]), part, options.export.name)
+            export_whole(output, Path(entry["frame_cache"]), part, options.export.name, baked_scene)
         entry["seconds"]["export"] = time.perf_counter() - saved
         file.written.append(str(options.export))
     file.say.end()

@@ -247,6 +247,22 @@ def test_what_the_exporting_process_refuses_is_said(scene, tmp_path):
     assert "\n" not in str(raised.value)
 
 
+def test_the_scene_that_is_baked_is_exported(scene, tmp_path):
+    """Another one than opens with the file."""
+    exported = tmp_path / "o.usda"
+    other = bpy.data.scenes.new("Other")
+    for name in ("Floor", "Block"):
+        copy = bpy.data.objects[name].copy()
+        copy.data, copy.name = copy.data.copy(), f"Other {name}"
+        other.collection.objects.link(copy)
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    options = ("--scene", "Other", "--frames", "1-2", "--export", exported, "--quiet")
+    assert run(scene, "--output", tmp_path / "o.blend", *options) == 0
+    text = exported.read_text()
+    assert "Other_Floor" in text
+    assert '"Floor"' not in text
+
+
 def test_an_export_leaves_no_layer(scene, tmp_path):
     out, exported = tmp_path / "o.blend", tmp_path / "o.usda"
     assert run(scene, "--output", out, "--frames", "1-2", "--export", exported, "--quiet") == 0

@@ -9,13 +9,13 @@ import errno
 import os
 import shutil
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
 import bpy
 
 from ...core.errors import ObscuranceError
+from ...core.process import run_command
 from ..frame_caches import FrameCache
 from ..reading import ObjectModeGuard
 from ..stored_preferences import ADDON
@@ -29,6 +29,11 @@ _LITTLE_ROOM = 1 << 20  # bytes left on a disk on which a file ends early
 _CODE = """
 import importlib, os, sys, traceback
 status = 1
+if sys.platform == "linux":
+    import ctypes
+    ctypes.CDLL(None).prctl(1, 9)  # it is killed when its parent ends
+    if os.getppid() != {parent}:
+        os._exit(status)
 try:
     import bpy
     addon = {addon!a}
@@ -48,12 +53,12 @@ os._exit(status)  # the bpy module crashes (4.2) or hangs (4.5) at a normal exit
 """
 
 
-def export_whole(scene: Path, folder: Path, path: Path, told: str = "") -> None:
+def export_whole(file: Path, folder: Path, path: Path, told: str = "", scene: str = "") -> None:
     """Export the animation of a saved file to USD or Alembic in a process of its own, and check what it wrote.
 
     Parameters
     ----------
-    scene : Path
+    file : Path
         A .blend whose objects have results.
     folder : Path
         The frame cache with its values.
@@ -61,36 +66,42 @@ def export_whole(scene: Path, folder: Path, path: Path, told: str = "") -> None:
         Its name ends in one of `FORMATS`. What is left there after a failure is not whole.
     told : str
         The name of the file for messages, where it is to have another one.
+    scene : str
+        The name of the scene to export, where it is not the one that is open in the file.
 
     Raises
     ------
     ExportError
         When it cannot be written whole.
     """
-    done = _run(_CODE.format(addon=ADDON, arguments=(str(scene), str(folder), str(path))))
-    said, name = done.stdout.decode(errors="replace"), told or path.name
+    status, printed = _run(
+        _CODE.format(parent=os.getpid(), addon=ADDON, arguments=(str(file), str(folder), str(path), scene))
+    )
+    said, name = printed.decode(errors="replace"), told or path.name
     for line in said.splitlines():
         if line.startswith(_MARK):
             raise ExportError(line.removeprefix(_MARK).replace(path.name, name))
     reason = next((reason for reason in _REASONS if reason in said), None)
-    if reason is None and done.returncode < 0:
-        crashed = f"the exporter crashed with {_signal(-done.returncode)}, as it does when it cannot write"
+    if reason is None and status < 0:
+        crashed = f"the exporter crashed with {_signal(-status)}, as it does when it cannot write"
         reason = os.strerror(errno.ENOSPC) if shutil.disk_usage(path.parent).free < _LITTLE_ROOM else crashed
     if reason:
         raise ExportError(f"'{name}' could not be exported ({reason}): make room there, or choose another folder")
-    if done.returncode:
+    if status:
         last = (said.strip().splitlines() or ["it said nothing"])[-1]
         raise ExportError(
-            f"'{name}' could not be exported, as Blender ended with exit code {done.returncode} ({last}): export the "
+            f"'{name}' could not be exported, as Blender ended with exit code {status} ({last}): export the "
             "saved file in a window"
         )
     check_export(path, name)
 
 
-def export_saved(scene: str, folder: str, path: str) -> None:
+def export_saved(file: str, folder: str, path: str, scene: str) -> None:
     """What the other process does; a message to the user goes to the caller on a line of its own."""
     try:
-        bpy.ops.wm.open_mainfile(filepath=scene, load_ui=False, use_scripts=False)
+        bpy.ops.wm.open_mainfile(filepath=file, load_ui=False, use_scripts=False)
+        if scene:
+            bpy.context.window.scene = bpy.data.scenes[scene]
         ObjectModeGuard(bpy.context)
         bpy.context.scene.obscurance.live_preview = False
         export_animation(bpy.context, FrameCache.open(folder), Path(path))
@@ -99,17 +110,13 @@ def export_saved(scene: str, folder: str, path: str) -> None:
         raise
 
 
-def _run(code: str) -> subprocess.CompletedProcess:
+def _run(code: str) -> tuple[int, bytes]:
     """Run code in another Blender, or in another Python with the bpy module, and keep what it says."""
     blender = bpy.app.binary_path  # empty in the bpy module
     try:
-        return subprocess.run(
+        return run_command(
             [blender, "--background", "--python-expr", code] if blender else [sys.executable, "-c", code],
-            env=None if blender else os.environ | {"PYTHONPATH": _python_path()},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            check=False,
+            None if blender else os.environ | {"PYTHONPATH": _python_path()},
         )
     except OSError as error:
         raise ExportError(f"the system starts no process for the export ({error}): try again later") from None

@@ -5,10 +5,11 @@ and edits are followed once they settle. In the background and in renders, where
 within the frame change. Nothing of Blender's is kept but names and session uids, so that undo, deletion and loading
 cannot leave a reference behind.
 
-Within a frame change nothing is evaluated: Blender crashes when what was tagged there is, if visibility is keyed. What
-is written is evaluated after all handlers. No data-block is made either: made outside of an undo step, it makes the
-next undo crash. So objects that share a mesh get meshes of their own when the preview is switched on, and those that
-come to share one later show the mean.
+Within a frame change nothing is evaluated: Blender crashes when what was tagged there is, if visibility is keyed. (In
+the background, where there is no later, `_evaluated` does it in the one way that Blender survives.) What is written is
+evaluated after all handlers. No data-block is made either: made outside of an undo step, it makes the next undo crash.
+So objects that share a mesh get meshes of their own when the preview is switched on, and those that come to share one
+later show the mean.
 """
 
 from __future__ import annotations
@@ -111,9 +112,9 @@ class LivePreview:
             return
         view_layer = bpy.context.view_layer
         if depsgraph.view_layer.name != view_layer.name:
-            if depsgraph.mode == "VIEWPORT" or view_layer.use:  # its own depsgraph comes too
+            if depsgraph.mode == "VIEWPORT" or view_layer.use or not bpy.app.background:  # its own may come too
                 return
-            view_layer.update()  # which a render leaves out
+            view_layer.update()  # which a render in the background leaves out
             depsgraph = bpy.context.evaluated_depsgraph_get()
         if self._updater is not None and depsgraph.mode == "VIEWPORT":
             self._updater.note(depsgraph)
@@ -139,7 +140,7 @@ class LivePreview:
         """
         if others_listen():
             self._distrust_updater()
-            if not status_line.has_window():
+            if bpy.app.background:
                 depsgraph.debug_tag_update()
                 depsgraph.update()
         return depsgraph

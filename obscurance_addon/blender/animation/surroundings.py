@@ -10,7 +10,8 @@ from ..stored_preferences import ADDON
 def others_listen() -> bool:
     """Whether anything but this add-on may change the scene when a frame is set."""
     handlers = (*bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post)
-    return any(not getattr(handler, "__module__", "").startswith(ADDON) for handler in handlers)
+    modules = [getattr(handler, "__module__", None) or "" for handler in handlers]
+    return any(module != ADDON and not module.startswith(f"{ADDON}.") for module in modules)
 
 
 def is_playing() -> bool:

@@ -134,6 +134,11 @@ class FrameCache:
                 f"object '{ob.name}' is in Edit Mode, or not a mesh, so that its cached values have no place: leave "
                 "Edit Mode, or clear Frame Cache"
             )
+        if not color_attribute.keeps_what_is_written(mesh):
+            raise FrameCacheError(
+                f"the mesh of object '{ob.name}' is linked, so that its cached values have no place: make it local "
+                "(Object > Relations > Make Local), or clear Frame Cache"
+            )
         return len(
             {Target.FACE: mesh.polygons, Target.CORNER: mesh.loops, Target.POINT: mesh.vertices}[self.output.target]
         )

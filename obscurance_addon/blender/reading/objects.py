@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Sequence
+from collections.abc import Collection, Hashable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 
@@ -114,8 +114,7 @@ class SceneReader:
         keeps_uv = self.lightmap is not None and self.lightmap.uv_mode is UvMode.KEEP
         if isinstance(original.data, bpy.types.Mesh) and may_change_topology(original) and not keeps_uv:
             own = original.evaluated_get(self._depsgraph)  # an instance may be of it, or of what its nodes made
-            looked_up = any(shading.uv_maps() for shading in shadings)
-            results = {*self.baked_layers, *result_layers(original.data, looked_up)}
+            results = {*self.baked_layers, *unread_results(original, shadings)}
             if own.data.as_pointer() == ob.data.as_pointer() and (
                 original.session_uid in self._wanted or not results.isdisjoint(original.data.attributes.keys())
             ):
@@ -218,10 +217,15 @@ def instance_key(instance: bpy.types.DepsgraphObjectInstance) -> Hashable:
     return instance.parent.original.session_uid, uid, tuple(instance.persistent_id)
 
 
-def result_layers(mesh: bpy.types.Mesh, looked_up: bool) -> set[str]:
-    """Names of the layers of a mesh that bakes made, but for a UV map by which textures are `looked_up`."""
-    names = {layer.name for layer in mesh.obscurance_layers if any(layer.made())}
-    return names - {layer.name for layer in mesh.uv_layers if looked_up and layer.active_render}
+def unread_results(ob: bpy.types.Object, shadings: Iterable[Shading]) -> set[str]:
+    """Names of the layers of a mesh that bakes made and that neither its materials nor its nodes may read."""
+    if any(modifier.type == "NODES" for modifier in ob.modifiers):
+        return set()
+    mesh = ob.data
+    read = {name for shading in shadings for name in (*shading.uv_maps(), *shading.color_attributes())}
+    if "" in read:
+        read |= {layer.name for layer in mesh.uv_layers if layer.active_render} | {mesh.attributes.default_color_name}
+    return {layer.name for layer in mesh.obscurance_layers if any(layer.made())} - read
 
 
 def materials_of(ob: bpy.types.Object) -> tuple[int, ...]:

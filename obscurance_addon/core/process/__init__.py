@@ -5,7 +5,7 @@ answers, or an error that says how the process ended.
 """
 
 from .channel import Channel
-from .child import ChildEndedError, ChildProcess, kill_all
+from .child import ChildEndedError, ChildProcess, kill_all, run_command
 from .page import ProgressPage
 
-__all__ = ["Channel", "ChildEndedError", "ChildProcess", "ProgressPage", "kill_all"]
+__all__ = ["Channel", "ChildEndedError", "ChildProcess", "ProgressPage", "kill_all", "run_command"]

@@ -21,6 +21,7 @@ _START = Path(__file__).with_name("start.py")
 _PACKAGE_FOLDER = Path(__file__).parents[2]
 
 _running: weakref.WeakSet[ChildProcess] = weakref.WeakSet()
+_commands: set[subprocess.Popen] = set()
 
 _log = logging.getLogger(__name__)
 
@@ -143,8 +144,22 @@ class ChildProcess:
 
 def kill_all() -> None:
     """Kill all child processes without waiting, and remove what they leave, for a process that ends at once."""
-    for child in list(_running):
+    for child in [*_running, *_commands]:
         child.kill()
+
+
+def run_command(command: list[str], env: dict[str, str] | None) -> tuple[int, bytes]:
+    """Run a command that `kill_all` ends too; its exit code, and all that it printed. Raises OSError."""
+    with subprocess.Popen(
+        command, env=env, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    ) as process:
+        _commands.add(process)
+        try:
+            said, _ = process.communicate()
+        finally:
+            process.kill()
+            _commands.discard(process)
+    return process.returncode, said
 
 
 def _popen(handle: int, folder: Path, module: str, printed: object) -> subprocess.Popen:

@@ -57,6 +57,17 @@ def test_keyed_visibility_beside_modifiers_and_light(room, empty_scene, quantity
             handlers.remove(edit)
 
 
+def test_a_handler_of_no_module(preview):
+    """As of functions that `exec` makes, and of methods of lists."""
+    bpy.app.handlers.frame_change_post.append([].count)
+    try:
+        preview["Mover"].location.x += 0.2
+        at(2)
+    finally:
+        bpy.app.handlers.frame_change_post.pop()
+    assert_as_baked_anew(preview.values())
+
+
 def test_undo_after_objects_came_to_share_a_mesh(preview):
     bpy.ops.ed.undo_push(message="start")
     preview["Mover"].location.x += 0.1

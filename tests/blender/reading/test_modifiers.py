@@ -21,6 +21,7 @@ from tests.blender.helpers import (
     element_areas,
     floor,
     job,
+    material,
     mean_over_seeds,
     mesh_state,
     notes_about,
@@ -275,6 +276,24 @@ def test_faces_come_from_the_same_ones_whether_or_not_there_is_a_result(kind):
     BakeJob(bpy.context, [block, ground], BakeSettings(rays=4), output, lightmap=lightmap).run()
     assert FACE_LAYER in block.data.attributes
     assert np.array_equal(baked(block), first)
+
+
+def test_results_that_materials_read_are_read():
+    """Another bake's colours below a modifier that makes faces are not blank, as they are for where these come from."""
+    ob, twin = cube("Block", 0.5), cube("Twin", 0.5)
+    for each, place in ((ob, 0.0), (twin, 50.0)):
+        each.location.x = place
+        bake(each, attribute_name="Other", target="FACE")
+        each.data.attributes["Other"].data.foreach_set("color", np.tile(np.float32([0.2, 0.4, 0.6, 1.0]), 6))
+        made = material(each.name, (1.0, 1.0, 1.0))
+        node = made.node_tree.nodes.new("ShaderNodeAttribute")
+        node.attribute_name = "Other"
+        made.node_tree.links.new(node.outputs[0], made.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
+        each.data.materials.append(made)
+    triangulate(twin)
+    reflectance = [arrays(each).materials.reflectance for each in (ob, twin)]
+    assert np.allclose(reflectance[0], [0.2, 0.4, 0.6], atol=1e-6)
+    assert np.allclose(reflectance[1], reflectance[0], atol=1e-6)
 
 
 def test_nothing_carried_is_left_when_the_name_is_refused():

@@ -125,7 +125,7 @@ class FrameUpdater:
             raise ObscuranceError("a lightmap cannot follow the scene: choose another target for Live Preview")
         self._settings, self._output, self._ceiling, self._mode = settings, output, ceiling_bytes, mode
         refused = Notes()
-        writable = writable_objects(context, objects, refused)
+        writable = writable_objects(context, objects, refused, depsgraph)
         self.notes = refused.lines()
         check_destination(writable, output, None)
         self.wanted = {ob.session_uid for ob in writable}

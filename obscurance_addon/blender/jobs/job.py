@@ -103,7 +103,7 @@ class BakeJob:
         if light.quantity is Quantity.RADIOSITY and output.target not in {Target.FACE, Target.LIGHTMAP}:
             raise SettingsError("radiosity is computed for whole faces: use target FACE, or bake COMBINED")
         refused = Notes()
-        writable = writable_objects(context, objects, refused)
+        writable = writable_objects(context, objects, refused, depsgraph)
         check_destination(writable, output, lightmap)
         self.snapshot = snapshot = snapshot_scene(
             context,
@@ -233,7 +233,10 @@ def check_destination(
 
 
 def writable_objects(
-    context: bpy.types.Context, objects: Iterable[bpy.types.Object], notes: Notes
+    context: bpy.types.Context,
+    objects: Iterable[bpy.types.Object],
+    notes: Notes,
+    depsgraph: bpy.types.Depsgraph | None = None,
 ) -> list[bpy.types.Object]:
     """Mesh objects with faces that can be written, seen or not; the others are named in notes.
 
@@ -250,7 +253,7 @@ def writable_objects(
     writable = [ob for ob, reason in reasons if reason is None]
     refused = [(ob, reason) for ob, reason in reasons if reason is not None]
     if not writable:
-        raise nothing_to_bake(context, refused)
+        raise nothing_to_bake(context, refused, depsgraph)
     note_refused(refused, notes)
     return writable
 

@@ -80,20 +80,26 @@ def visibility_reason(context: bpy.types.Context, ob: bpy.types.Object) -> Reaso
     return None
 
 
-def unseen_reason(context: bpy.types.Context, ob: bpy.types.Object) -> Reason:
+def unseen_reason(context: bpy.types.Context, ob: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Reason:
     """Why an object whose mesh has faces was not seen in the evaluated scene."""
     if reason := visibility_reason(context, ob):
         return reason
-    for one in _depsgraph(context).object_instances:
+    for one in depsgraph.object_instances:
         if one.is_instance and one.parent.original == ob and isinstance(one.object.data, bpy.types.Mesh):
             return _INSTANCES
     return _GONE
 
 
-def nothing_to_bake(context: bpy.types.Context, refused: Refused = ()) -> GeometryError:
-    """The error that says why nothing can be baked: of the objects refused, or of all those of the scene."""
+def nothing_to_bake(
+    context: bpy.types.Context, refused: Refused = (), depsgraph: bpy.types.Depsgraph | None = None
+) -> GeometryError:
+    """The error that says why nothing can be baked: of the objects refused, or of all those of the scene.
+
+    `depsgraph` is what a frame handler was given, in which nothing may be evaluated.
+    """
+    depsgraph = depsgraph or context.evaluated_depsgraph_get()
     scene, notes = context.scene, Notes()
-    for ob, reason in refused or _of_scene(context):
+    for ob, reason in refused or _of_scene(context, depsgraph):
         notes.add(reason.what, ob.name, cure=reason.cure)
     if not refused:
         others = [other.name for other in bpy.data.scenes if other != scene and any(map(_has_faces, other.objects))]
@@ -112,21 +118,16 @@ def note_refused(refused: Refused, notes: Notes) -> None:
         notes.add(f"{reason.what}, so nothing was baked onto", ob.name, cure=reason.cure)
 
 
-def _of_scene(context: bpy.types.Context) -> list[tuple[bpy.types.Object, Reason]]:
+def _of_scene(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> list[tuple[bpy.types.Object, Reason]]:
     """Every object of the scene that has a surface, or might have one, and why it cannot be baked."""
     found = []
     for ob in context.scene.objects:
-        reason = shape_reason(ob) or unseen_reason(context, ob)
-        if reason is _GONE and len(ob.evaluated_get(_depsgraph(context)).data.polygons):
+        reason = shape_reason(ob) or unseen_reason(context, ob, depsgraph)
+        if reason is _GONE and len(ob.evaluated_get(depsgraph).data.polygons):
             continue  # it could be baked, if it were chosen
         if reason is not _OTHER:  # lamps, cameras and the like
             found.append((ob, reason))
     return found
-
-
-def _depsgraph(context: bpy.types.Context) -> bpy.types.Depsgraph:
-    """As it was evaluated last: a frame handler asks too, in which nothing may be evaluated."""
-    return context.view_layer.depsgraph or context.evaluated_depsgraph_get()
 
 
 def _has_faces(ob: bpy.types.Object) -> bool:

@@ -78,9 +78,9 @@ def snapshot_scene(
             occluders.append(snapshot)
     reader.note_hidden()
     baked = [tie(ob, found[ob.session_uid], reader) for ob in objects if ob.session_uid in found]
-    unseen = [(ob, unseen_reason(context, ob)) for ob in objects if ob.session_uid not in found]
+    unseen = [(ob, unseen_reason(context, ob, depsgraph)) for ob in objects if ob.session_uid not in found]
     if not baked:
-        raise nothing_to_bake(context, unseen)
+        raise nothing_to_bake(context, unseen, depsgraph)
     note_refused(unseen, notes)
     sources = reader.light_sources()
     return SceneSnapshot(baked, occluders, notes.lines(), sources)

@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -44,7 +45,7 @@ def prepared(arguments):
     return run_in_blender(arguments)
 
 def received(child):
-    print(child.pid, flush=True)
+    print("child", child.pid, flush=True)
     press()
 
 program._run_in_blender = prepared
@@ -97,7 +98,7 @@ def test_ctrl_c_ends_the_run_also_where_blender_ignores_it(scene, tmp_path, mome
     expected = ["map.exr"] if moment == "saving" else []
     assert files(tmp_path) == [*expected, "scene.blend", "temporary"]
     if moment == "unwrapping":
-        assert has_ended(int(done.stdout.split()[0]))
+        assert has_ended(int(re.search(r"^child (\d+)$", done.stdout, re.MULTILINE)[1]))
 
 
 def test_closed_streams_lose_nothing_and_nothing_stays_behind(scene, tmp_path):

@@ -201,7 +201,7 @@ def small_disk(folder, size):
 @pytest.mark.parametrize(
     ("name", "size", "arguments"),
     [
-        ("out.blend", "100k", ("--output",)),
+        ("out.blend", "50k", ("--output",)),
         ("out.usdc", "8k", ("--frames", "1-2", "--export")),
         ("out.usda", "8k", ("--frames", "1-2", "--export")),
         ("out.exr", "8k", (*LIGHTMAP, "--image")),

@@ -18,7 +18,7 @@ from ..materials import ImageCache, node_tree_of, read_surface, snapshot_materia
 from .lights import LightReader, read_world
 from .meshes import read_mesh
 from .origins import EvaluatedMesh, carried_mesh, evaluated_mesh, may_change_topology
-from .visibility import rendered_members, rendered_objects
+from .visibility import rendered_members, rendered_objects, shown_objects
 
 _SHOW = "show them there, or hide them from renders too"
 SOLID_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
@@ -63,9 +63,7 @@ class SceneReader:
         self._scene = context.scene
         self._rendered = rendered_objects(context.view_layer.layer_collection)
         # The depsgraph also holds objects of collections whose eye is closed, so its word alone is not enough.
-        self._visible = {
-            ob.session_uid for ob in context.view_layer.objects if ob.visible_get(view_layer=context.view_layer)
-        }
+        self._shown = shown_objects(context)
         self.notes = notes
         self._members: dict[int, set[int]] = {}
         self._meshes: dict[int, MeshArrays] = {}
@@ -136,7 +134,11 @@ class SceneReader:
         if not self._renders(ob, owner, instance.is_instance):
             self._hidden.add(ob.name)
             return False
-        return owner.original.session_uid in self._visible
+        return self._is_visible(owner)
+
+    def _is_visible(self, ob: bpy.types.Object) -> bool:
+        """Whether an object, evaluated or not, is visible in the viewport."""
+        return not ob.hide_viewport and ob.original.session_uid in self._shown
 
     def _read_light(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
         ob = instance.object
@@ -145,7 +147,7 @@ class SceneReader:
             self._lights is not None
             and instance.show_self
             and self._renders(ob, owner, instance.is_instance)
-            and owner.original.session_uid in self._visible
+            and self._is_visible(owner)
         ):
             self._lights.read(ob, np.array(instance.matrix_world, np.float64))
 
@@ -160,7 +162,7 @@ class SceneReader:
     def _note_volumes(self) -> None:
         """Name objects that fill space with something, which is not modelled."""
         for ob in self._scene.collection.all_objects:
-            if ob.session_uid in self._visible and (ob.type == "VOLUME" or any(map(_has_volume, ob.material_slots))):
+            if self._is_visible(ob) and (ob.type == "VOLUME" or any(map(_has_volume, ob.material_slots))):
                 self.notes.add("volumes are not supported, so these do not dim or scatter light", ob.name)
 
     def _shading(self, material: bpy.types.Material | None) -> Shading:
@@ -192,13 +194,13 @@ class SceneReader:
         unseen, dark = set(), set()
         for ob in self._scene.collection.all_objects:
             is_light = ob.type == "LIGHT" and self._lights is not None
-            if is_light and not ob.hide_render and ob.session_uid in self._rendered - self._visible:
+            if is_light and not ob.hide_render and ob.session_uid in self._rendered and not self._is_visible(ob):
                 dark.add(ob.name)
             if ob.type not in SOLID_TYPES:
                 continue
             if ob.hide_render or ob.session_uid not in self._rendered:
                 self._hidden.add(ob.name)
-            elif ob.session_uid not in self._visible:
+            elif not self._is_visible(ob):
                 unseen.add(ob.name)
         for names, what, cure in (
             (self._hidden, "hidden from renders, so they do not occlude", ""),

@@ -150,6 +150,33 @@ def test_results_that_are_gone_are_made_again(preview, rename):
     assert ("Kept" in attributes) == rename
 
 
+def test_a_render_leaves_out_what_is_disabled_in_the_viewport_at_its_frame(room, empty_scene, tmp_path):
+    """As bakes do; the render evaluates it, and the scene's own objects do not show it."""
+    for frame, hidden in ((1, True), (2, False), (3, True)):
+        key(room["Mover"], frame, "hide_viewport", hidden)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    empty_scene.collection.objects.link(camera)
+    empty_scene.camera = camera
+    render = empty_scene.render
+    render.engine, render.resolution_x, render.resolution_y = "CYCLES", 4, 4
+    empty_scene.cycles.samples, render.filepath = 1, str(tmp_path / "frame_")
+    empty_scene.frame_start, empty_scene.frame_end = 1, 3
+    at(1)
+    empty_scene.obscurance.live_preview = True
+    found = []
+    bpy.app.handlers.render_post.append(lambda *_: found.append(colors(room["Floor"]).copy()))
+    try:
+        bpy.ops.render.render(animation=True)
+    finally:
+        bpy.app.handlers.render_post.pop()
+    empty_scene.obscurance.live_preview = False
+    for frame, values in zip((1, 2, 3), found, strict=True):
+        at(frame)
+        bake(*(ob for ob in room.values() if not ob.hide_viewport), **SETTINGS)
+        assert np.array_equal(colors(room["Floor"]), values)
+    assert not np.array_equal(found[0], found[1])
+
+
 def test_a_render_shows_values_of_what_it_renders(room, empty_scene, tmp_path):
     """The render levels of a subdivision, below which the floor is lighter."""
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))

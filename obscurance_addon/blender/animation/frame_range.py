@@ -90,7 +90,8 @@ def bake_frames(
                 if frame == frames.last and updater is None:
                     raise
                 report = NOTHING_DONE
-            context.view_layer.update()  # what depends on the meshes that were written changes now, not with the frame
+            if updater is not None:
+                updater.evaluate_written(context)
             writer.add(
                 frame, {name: stored_colours(context.view_layer.objects[name], output) for name in report.objects}
             )

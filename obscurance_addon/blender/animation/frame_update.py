@@ -147,9 +147,7 @@ class FrameUpdater:
         """Start the full bake of what was read."""
         if self._follower is None:
             self._follower = make_follower(self._in_child)
-        order = FollowOrder(
-            self.changes.known, self._settings, self._output, self._movers, self._ceiling, self._mode, None
-        )
+        order = FollowOrder(self.changes.known, self._settings, self._output, self._movers, self._ceiling, self._mode)
         return self._follower.begin(order, JobMonitor(Quantity.OBSCURANCE))
 
     def take(self, run: Run) -> None:
@@ -188,13 +186,10 @@ class FrameUpdater:
         """Compare everything next time."""
         self.changes.distrust()
 
-    def update(
-        self,
-        context: bpy.types.Context,
-        depsgraph: bpy.types.Depsgraph,
-        rewrite: bool = False,
-        looks_at_pixels: bool = True,
-    ) -> FrameReport:
+    def evaluate_written(self, context: bpy.types.Context) -> None:
+        """Leave it to the next evaluation, which is heard of and compared."""
+
+    def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, rewrite: bool = False) -> FrameReport:
         """Follow what changed in the scene since the last time, and write the new values.
 
         Parameters
@@ -204,11 +199,9 @@ class FrameUpdater:
             Evaluated.
         rewrite : bool
             Write all values, changed or not, as after an undo.
-        looks_at_pixels : bool
-            As for `SceneChanges.find`.
         """
         began = time.perf_counter()
-        changed = self.changes.find(context, depsgraph, looks_at_pixels)
+        changed = self.changes.find(context, depsgraph)
         self._note(self.changes.notes)
         self._last = self._follower.update(self.changes.known, changed, rewrite)
         update, baked = self._last.update, self._baked()

@@ -40,16 +40,10 @@ class FullUpdater:
         self._is_changed = True
         self.notes: list[str] = []
 
-    def update(
-        self,
-        context: bpy.types.Context,
-        depsgraph: bpy.types.Depsgraph,
-        rewrite: bool = False,
-        looks_at_pixels: bool = True,
-    ) -> FrameReport:
+    def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, rewrite: bool = False) -> FrameReport:
         """Bake and write everything, unless nothing changed; parameters as for `FrameUpdater.update`."""
         began = time.perf_counter()
-        if not (self._is_changed or rewrite or self._finds_changes(context, depsgraph, looks_at_pixels)):
+        if not (self._is_changed or rewrite or self._finds_changes(context, depsgraph)):
             return NOTHING_DONE
         objects = [ob for ob in context.view_layer.objects if ob.session_uid in self.wanted]
         job = BakeJob(
@@ -70,6 +64,13 @@ class FullUpdater:
             objects=report.objects,
         )
 
+    def evaluate_written(self, context: bpy.types.Context) -> None:
+        """Evaluate what depends on the meshes that were written before anyone listens; not in a frame handler.
+
+        Heard of later, it would seem an edit, and light be baked without end.
+        """
+        context.view_layer.update()
+
     def end(self) -> None:
         """There is nothing to let go of."""
 
@@ -85,9 +86,9 @@ class FullUpdater:
         """Bake next time, whatever is found."""
         self._is_changed = True
 
-    def _finds_changes(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, looks_at_pixels: bool) -> bool:
+    def _finds_changes(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         self._changes.distrust()
-        if self._changes.find(context, depsgraph, looks_at_pixels):
+        if self._changes.find(context, depsgraph):
             return True
         baked = {change.baked.session_uid for change in self._changes.known.values() if change.baked is not None}
         return any(

@@ -194,14 +194,14 @@ class LivePreview:
             finally:
                 self._busy = False
                 self._commits = commit_count()
-        self._evaluate_unheard()
+        self._evaluate_written()
         return None
 
-    def _evaluate_unheard(self) -> None:
-        """Have what depends on the meshes that were written evaluated now; heard of later, it would seem an edit."""
+    def _evaluate_written(self) -> None:
         self._busy = True
         try:
-            bpy.context.view_layer.update()
+            if self._updater is not None:
+                self._updater.evaluate_written(bpy.context)
         finally:
             self._busy = False
 
@@ -219,8 +219,7 @@ class LivePreview:
             if not self._is_current(scene) or self._has_new_objects(scene):
                 self._start(scene, depsgraph)
             else:
-                looks_at_pixels = not is_playing()
-                self._tell(self._updater.update(bpy.context, depsgraph, self._rewrite, looks_at_pixels))
+                self._tell(self._updater.update(bpy.context, depsgraph, self._rewrite))
             self._rewrite = False
         except ObscuranceError as error:
             self._give_up(error)

@@ -10,8 +10,8 @@ that a bake reads of it differs from what was read last:
 Arrays decide, never the depsgraph's word alone: Cycles without persistent data reports all there is at every frame. But
 not all arrays are read at every look. An object is read again when the depsgraph evaluated it or its mesh since, or
 when it has another name, mesh or materials. All objects are when a material, node tree, image or texture was evaluated,
-when pixels were changed, of which Blender tells nobody, when another depsgraph is looked at, in renders, and after an
-undo.
+when pixels were changed, of which Blender tells nobody (looked for after an animation that plays has stopped), when
+another depsgraph is looked at, in renders, and after an undo.
 
 What is written is no part of this: `refresh_values` makes results anew that were removed, renamed or retyped.
 """
@@ -29,6 +29,7 @@ from ...core.order import BakedObject, Change, MeshArrays, ObjectSnapshot, Scene
 from ...core.scene import same_numbers
 from ..materials import PixelWatch
 from ..reading import SceneReader, instance_key, materials_of, tie
+from .surroundings import is_playing
 
 # Kinds of data whose change may change how any object looks.
 _LOOKS = (bpy.types.Material, bpy.types.NodeTree, bpy.types.Image, bpy.types.Texture)
@@ -84,9 +85,7 @@ class SceneChanges:
             elif update.is_updated_shading:  # so is all that an animation moves
                 self._shaded.add(update.id.original.session_uid)
 
-    def find(
-        self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, looks_at_pixels: bool = True
-    ) -> dict[Hashable, Change | None]:
+    def find(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> dict[Hashable, Change | None]:
         """What changed since the last time, by key; None for what is gone. `known` is what there is now.
 
         Parameters
@@ -94,11 +93,9 @@ class SceneChanges:
         context : bpy.types.Context
         depsgraph : bpy.types.Depsgraph
             Evaluated.
-        looks_at_pixels : bool
-            Look also for images whose pixels were changed and not saved, which takes its time where they are large.
         """
         self._all |= depsgraph.mode != self._mode
-        self._all |= looks_at_pixels and self._pixels.changed()
+        self._all |= not is_playing() and self._pixels.changed()  # which takes its time where images are large
         self._mode, notes = depsgraph.mode, Notes()
         reader = SceneReader(context, depsgraph, notes, self._wanted, self._baked_layers, self._needs_rest)
         now: dict[Hashable, Change] = {}

@@ -45,7 +45,7 @@ class FollowOrder:
     movers: Collection[Hashable]
     ceiling_bytes: int
     mode: UpdateMode
-    held: Held | None
+    held: Held | None = None
 
     def carry_out(self, monitor: Monitor, _intersector: Callable) -> Following:
         """Bake the scene as it is."""

@@ -122,7 +122,7 @@ def _open_bake_save(file: _File) -> dict:
     """Bake one file; its entry of the report."""
     import bpy
 
-    from ..blender.animation import export_whole
+    from ..blender.animation import export_in_process
     from ..blender.reading import ObjectModeGuard
     from .blend_file import BlendFile
 
@@ -152,7 +152,7 @@ def _open_bake_save(file: _File) -> dict:
     entry["warnings"] = blend.notes + entry["warnings"]
     if options.export is not None:
         with written_whole(options.export, check_whole) as part:
-            export_whole(output, Path(entry["frame_cache"]), part, options.export.name, baked_scene)
+            export_in_process(output, Path(entry["frame_cache"]), part, options.export.name, baked_scene)
         entry["seconds"]["export"] = time.perf_counter() - saved
         file.written.append(str(options.export))
     file.say.end()

@@ -55,7 +55,7 @@ addon = next(name for name in sys.modules if name.endswith(".obscurance_addon"))
 animation = importlib.import_module(addon + ".blender.animation")
 path = pathlib.Path("/mnt/run/moving.abc")
 try:
-    animation.export_whole(pathlib.Path("/mnt/run/moving.blend"), pathlib.Path("/mnt/run/moving_frames"), path)
+    animation.export_in_process(pathlib.Path("/mnt/run/moving.blend"), pathlib.Path("/mnt/run/moving_frames"), path)
     said = "exported"
 except Exception as error:
     said = str(error)

@@ -20,11 +20,15 @@ from ..frame_caches import FrameCache
 from ..reading import ObjectModeGuard
 from ..stored_preferences import ADDON
 from .animated_export import export_animation
-from .export_check import ExportError, check_export
 
 _MARK = "obscurance export: "  # before a message to the caller
 _REASONS = [os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)]
 _LITTLE_ROOM = 1 << 20  # bytes left on a disk on which a file ends early
+
+
+class ExportError(ObscuranceError):
+    """An animation that could not be exported; the message says why, and the cure."""
+
 
 _CODE = """
 import importlib, os, sys, traceback
@@ -53,8 +57,8 @@ os._exit(status)  # the bpy module crashes (4.2) or hangs (4.5) at a normal exit
 """
 
 
-def export_whole(file: Path, folder: Path, path: Path, told: str = "", scene: str = "") -> None:
-    """Export the animation of a saved file to USD or Alembic in a process of its own, and check what it wrote.
+def export_in_process(file: Path, folder: Path, path: Path, told: str = "", scene: str = "") -> None:
+    """Export the animation of a saved file to USD or Alembic in a process of its own.
 
     Parameters
     ----------
@@ -63,7 +67,7 @@ def export_whole(file: Path, folder: Path, path: Path, told: str = "", scene: st
     folder : Path
         The frame cache with its values.
     path : Path
-        Its name ends in one of `FORMATS`. What is left there after a failure is not whole.
+        Its name ends in one of `FORMATS`. On a full disk the exporter may report success, so check what it wrote.
     told : str
         The name of the file for messages, where it is to have another one.
     scene : str
@@ -72,7 +76,7 @@ def export_whole(file: Path, folder: Path, path: Path, told: str = "", scene: st
     Raises
     ------
     ExportError
-        When it cannot be written whole.
+        When the exporter says that it failed, or crashes.
     """
     status, printed = _run(
         _CODE.format(parent=os.getpid(), addon=ADDON, arguments=(str(file), str(folder), str(path), scene))
@@ -93,7 +97,6 @@ def export_whole(file: Path, folder: Path, path: Path, told: str = "", scene: st
             f"'{name}' could not be exported, as Blender ended with exit code {status} ({last}): export the "
             "saved file in a window"
         )
-    check_export(path, name)
 
 
 def export_saved(file: str, folder: str, path: str, scene: str) -> None:

@@ -6,15 +6,14 @@ within the frame change. Nothing of Blender's is kept but names and session uids
 cannot leave a reference behind.
 
 Within a frame change nothing is evaluated: Blender crashes when what was tagged there is, if visibility is keyed. (In
-the background, where there is no later, `_evaluated` does it in the one way that Blender survives.) What is written is
-evaluated after all handlers. No data-block is made either: made outside of an undo step, it makes the next undo crash.
-So objects that share a mesh get meshes of their own when the preview is switched on, and those that come to share one
-later show the mean.
+the background, where there is no later, `evaluate_in_handler` does it in the one way that Blender survives.) What is
+written is evaluated after all handlers. No data-block is made either: made outside of an undo step, it makes the next
+undo crash. So objects that share a mesh get meshes of their own when the preview is switched on, and those that come
+to share one later show the mean.
 """
 
 from __future__ import annotations
 
-import logging
 import time
 from dataclasses import replace
 
@@ -22,7 +21,7 @@ import bpy
 
 from ...core.errors import ObscuranceError
 from ...core.light import LightSettings
-from ...core.notes import Notes, named
+from ...core.notes import Notes
 from ...core.order import OutputSettings, Run, SharedMeshes, Target
 from ...core.settings import BakeSettings
 from ...core.updates import UpdateMode
@@ -31,15 +30,14 @@ from ..writing import keeps_what_is_written, separate
 from . import status_line
 from .cache_playback import CachePlayback
 from .followed_objects import preview_objects
-from .frame_update import FrameReport, FrameUpdater
+from .frame_update import FrameUpdater
 from .full_update import FullUpdater
-from .surroundings import in_edit_mode, is_playing, others_listen
+from .preview_status import Said, update_notes, update_status
+from .surroundings import evaluate_in_handler, in_edit_mode, is_playing, others_listen
 
 _SETTLED_S = 0.15  # without a change before an edit is followed
 _POLL_S = 0.05
 _BUSY_S = 0.5  # until the next look while something else works on the scene
-
-_log = logging.getLogger(__name__)
 
 
 class LivePreview:
@@ -67,13 +65,13 @@ class LivePreview:
 
     def _forget(self) -> None:
         self._let_go()
-        self._playback = CachePlayback(self._tell_once)
+        self._said = Said()
+        self._playback = CachePlayback(self._said.once)
         self._seen: tuple[int, int] | None = None
         self._followed: set[int] = set()
         self._rewrite = False
         self._commits = commit_count()
         self._busy = False
-        self._told: set[str] = set()
         self._changed_at = 0.0
 
     def stop(self) -> None:
@@ -103,7 +101,7 @@ class LivePreview:
             followed = preview_objects(bpy.context, output.attribute_name)
             separate([ob for ob in followed if keeps_what_is_written(ob.data)], [], notes)
             for note in notes.lines():
-                self._tell_once(note)
+                self._said.once(note)
 
     def on_frame(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """A frame was set; the only place from where values are written within a frame."""
@@ -123,27 +121,18 @@ class LivePreview:
         if in_edit_mode():  # where a mesh can neither be read nor written
             self.status = "Waiting for Edit Mode to end"
             if depsgraph.mode == "RENDER":
-                self._tell_once("frames that render while a mesh is in Edit Mode keep the values that they had")
+                self._said.once("frames that render while a mesh is in Edit Mode keep the values that they had")
             return
         if status_line.has_window() and self._updater is None and not self._playback.has(scene):
             self.on_change(scene, None)
             return
-        self._bring_up_to_date(scene, self._evaluated(depsgraph))
-        if self._looks_later():
-            self.on_change(scene, None)
-
-    def _evaluated(self, depsgraph: bpy.types.Depsgraph) -> bpy.types.Depsgraph:
-        """The depsgraph of a frame, with what other handlers did.
-
-        This is evaluated after all handlers, and no one is told of it. In a window it is looked for once frames have
-        settled. Elsewhere there is no later, so it is evaluated here; Blender survives that when it sorts all anew.
-        """
         if others_listen():
             self._distrust_updater()
             if bpy.app.background:
-                depsgraph.debug_tag_update()
-                depsgraph.update()
-        return depsgraph
+                evaluate_in_handler(depsgraph)
+        self._bring_up_to_date(scene, depsgraph)
+        if self._looks_later():
+            self.on_change(scene, None)
 
     def _looks_later(self) -> bool:
         """Whether there is more to follow when frames have settled than was in the frame."""
@@ -219,7 +208,10 @@ class LivePreview:
             if not self._is_current(scene) or self._has_new_objects(scene):
                 self._start(scene, depsgraph)
             else:
-                self._tell(self._updater.update(bpy.context, depsgraph, self._rewrite))
+                report = self._updater.update(bpy.context, depsgraph, self._rewrite)
+                for note in update_notes(report, self._updater):
+                    self._said.once(note)
+                self.status = update_status(report)
             self._rewrite = False
         except ObscuranceError as error:
             self._give_up(error)
@@ -244,7 +236,7 @@ class LivePreview:
             if light.needs_light:
                 updater = FullUpdater(objects, settings, output, light, in_child)
                 report = updater.update(bpy.context, depsgraph or bpy.context.evaluated_depsgraph_get())
-                self._tell_once(f"{report.full}: everything is baked anew at every change")
+                self._said.once(f"{report.full}: everything is baked anew at every change")
             else:
                 ceiling = memory * (1 << 20)
                 updater = FrameUpdater(bpy.context, objects, settings, output, ceiling, mode, in_child, depsgraph)
@@ -293,7 +285,7 @@ class LivePreview:
             raise
         self._starting = None
         for note in run.notes:
-            self._tell_once(note)
+            self._said.once(note)
         self._follow(bpy.context.scene, updater)
         self.on_change(bpy.context.scene, None)  # what happened meanwhile
         status_line.redraw_panels()
@@ -313,37 +305,11 @@ class LivePreview:
         self._followed |= followed
         return has_new
 
-    def _tell(self, report: FrameReport) -> None:
-        if report.shared and bpy.context.scene.obscurance.shared_meshes == SharedMeshes.SEPARATE:
-            self._tell_once(
-                f"these share a mesh, so they show the mean of their values: {named(report.shared)}; switch Live "
-                "Preview off and on to give each a mesh of its own"
-            )
-        if report.full and isinstance(self._updater, FrameUpdater):
-            self._tell_once(f"{report.full}: everything was baked anew")
-        elif self._updater.cache_is_full:
-            self._tell_once(
-                "the memory for cached hits is used up, so updates take longer; there is Memory in the panel"
-            )
-        self.status = (
-            f"{report.patches:,} of {report.all_patches:,} patches in {1e3 * report.seconds:.1f} ms"
-            if report.patches
-            else "Up to date"
-        )
-
-    def _tell_once(self, text: str) -> None:
-        """Say something in the status line, and never again while this preview runs."""
-        if text in self._told:
-            return
-        self._told.add(text)
-        _log.info("Live Preview: %s", text)
-        status_line.say(f"Live Preview: {text}")
-
     def _give_up(self, error: ObscuranceError) -> None:
         """Say why there is no preview; it is tried again at the next change."""
         self._let_go()
         self.status = str(error)
-        self._tell_once(str(error))
+        self._said.once(str(error))
 
 
 PREVIEW = LivePreview()

@@ -21,3 +21,13 @@ def is_playing() -> bool:
 
 def in_edit_mode() -> bool:
     return any(mesh.is_editmode for mesh in bpy.data.meshes)
+
+
+def evaluate_in_handler(depsgraph: bpy.types.Depsgraph) -> None:
+    """Evaluate within a frame handler what other handlers changed.
+
+    Blender does that after all handlers, and tells no one. It crashes at it where visibility is keyed, unless it sorts
+    all anew.
+    """
+    depsgraph.debug_tag_update()
+    depsgraph.update()

@@ -103,6 +103,8 @@ def test_a_folder_that_takes_no_file_is_told_and_the_child_lives():
     """As on a full disk; afterwards small and large messages arrive as before."""
     child = ChildProcess(SERVER)
     child.receive()
+    child.send(("values", "nobody"))
+    assert child.receive()[0] == "bug"  # it has begun, and made its own file in the folder
     away = child.folder.with_name("away")
     child.folder.rename(away)
     large = np.zeros(1 << 20)

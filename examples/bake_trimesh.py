@@ -22,7 +22,7 @@ reflectance = (mesh.visual.face_colors[:, :3] / 255.0) ** GAMMA
 
 baked = bake_objects([mesh_object(mesh.vertices, mesh.faces, reflectance)], BakeSettings(rays=256))
 
-shaded = np.clip(reflectance * baked.white(), 0.0, 1.0) ** (1.0 / GAMMA)
+shaded = np.clip(reflectance * baked.white, 0.0, 1.0) ** (1.0 / GAMMA)
 mesh.visual.face_colors = np.round(255.0 * shaded).astype(np.uint8)
 mesh.export(sys.argv[2])
-print(f"{len(mesh.faces)} faces, {baked.rays:,} rays, estimated error {baked.white_rmse().max():.3f}")
+print(f"{len(mesh.faces)} faces, {baked.rays:,} rays, estimated error {baked.white_rmse.max():.3f}")

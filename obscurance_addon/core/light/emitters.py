@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..sampling import BELOW_ONE, ascending_ends, pick, sample_triangle
-from ..scene import OFFSET, Surfaces
+from ..scene import LUMINANCE, OFFSET, Surfaces
 from ..tracing import Hits
 from .lamps import TINY, LampSamples
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec.709 colours
 _LEAST_SHARE = np.float32(1e-15)  # of one density in another: the square of its inverse is finite in float32
 
 

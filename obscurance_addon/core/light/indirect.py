@@ -80,8 +80,8 @@ def light_by_obscurances(
     ambient, ambient_again = (_ambient(lit, obscurances.r_ave, left, emitted, settings, light) for left in passed.left)
     own = reflectance[lit.baked]
     return IndirectLight(
-        radiosity=passed.radiosity + own * obscurances.white() * ambient.irradiance,
-        again=passed.again + own * obscurances.white_again() * ambient_again.irradiance,
+        radiosity=passed.radiosity + own * obscurances.relative() * ambient.irradiance,
+        again=passed.again + own * obscurances.relative_again() * ambient_again.irradiance,
         rays=passed.rays,
         error_rays=passed.error_rays,
         ambient=ambient,

@@ -15,11 +15,10 @@ import numpy as np
 
 from ..errors import GeometryError
 from ..sampling import ascending_ends, pick
-from ..scene import Cells
+from ..scene import LUMINANCE, Cells
 from ..settings import BakeSettings
 from ..tracing import BLOCK_RAYS, FAR, PatchSamples
 from .direct import LitScene
-from .emitters import LUMINANCE
 
 MAX_PATCHES = 50_000  # a row of form factors has up to as many entries as rays: 64 rays each take about 30 MB
 MAX_RAYS = 1 << 27  # in all: about a gigabyte of form factors

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..sampling import BELOW_ONE, ascending_ends, hash32, pick, sample_cosine_hemisphere, sample_triangle, unit_points
+from ..scene import LUMINANCE
 from ..settings import BakeSettings
 from ..tracing import scramble_of, shadowed
 from ..workers import workers
 from .direct import LitScene
-from .emitters import LUMINANCE
 from .form_factors import triangle_form_factors
 from .lamps import TINY
 from .reflectors import MAX_AUTOMATIC, Reflectors

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..sampling import ascending_ends, hash32
-from ..scene import Cells
-from .emitters import LUMINANCE
+from ..scene import LUMINANCE, Cells
 
 MAX_AUTOMATIC = 64  # reflectors
 ENOUGH_LIGHT = 0.8  # share of the scattered direct light after which more reflectors gain little

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..light import AmbientLight
 from ..monitor import Monitor
-from ..obscurance import precision_warnings
-from ..scene import Patches, Surfaces, mean_reflectance
+from ..obscurance import precision_warnings, white_warnings
+from ..scene import LUMINANCE, Patches, Surfaces, mean_reflectance, scattering_mean, surface_sums
 from ..settings import BakeSettings
 from ..tracing import BLOCK_RAYS, EmbreeIntersector, Intersector, build_scene
 from .adaptive import AdaptiveTexels
@@ -96,7 +96,7 @@ def bake_lightmap(
         `rays` are for each texel.
     lightmap : LightmapSettings
     white : bool
-        An open texel is white (W / R_ave); else it has the value of the paper (W).
+        An open texel is white, as of `Obscurances.white`; else it has the value of the paper (W).
     patch_reflectance : ndarray, (f, 3) float64, optional
         As for `bake_obscurances`.
     monitor, intersector, block_rays
@@ -115,16 +115,22 @@ def bake_lightmap(
     triangles = layout.triangles(lightmap.size, scene.normalisation)
     built = time.perf_counter()
     face_area = scene.traced.cells.area * scene.normalisation.scale**2
-    guess = open_value(mean_reflectance(surfaces, face_area, np.ones(len(patches)), None), settings, white)
+    scattering = scattering_mean(surface_sums(surfaces)[4:])
+    is_white_coloured = white and settings.use_bleeding
+    is_open_white = white or not settings.use_bleeding
+    guess = np.ones(3) if is_open_white else mean_reflectance(surfaces, face_area, np.ones(len(patches)), None)
     at_once, settings = bands_at_once(settings), texel_settings(settings, lightmap, triangles.texels())
     progress = TexelProgress(monitor, settings.rays)
-    tracer = TexelTracer(scene.traced, settings, channels_as_grey(surfaces, settings, white), progress.cast, block_rays)
-    estimator = _Obscurances(TexelObscurances(tracer, guess, lightmap), guess, white)
+    reference = scattering @ LUMINANCE if is_white_coloured else None
+    as_grey = np.full(3, not settings.use_bleeding)
+    tracer = TexelTracer(scene.traced, settings, as_grey, progress.cast, block_rays, reference)
+    estimator = _Obscurances(TexelObscurances(tracer, guess, lightmap), guess)
     monitor.phase("trace", int(triangles.texels()))
     pages, counts = estimate_pages(triangles, layout.pages, len(patches), lightmap, estimator, progress, at_once)
     traced = time.perf_counter()
     r_ave = mean_reflectance(surfaces, face_area, counts.exposed(), patch_reflectance)
-    estimator.open_value = open_value(r_ave, settings, white)
+    if not is_open_white:
+        estimator.open_value = r_ave
     finished = finish_pages(pages, estimator, lightmap, monitor)
     return Lightmap(
         pages=finished,
@@ -135,22 +141,8 @@ def bake_lightmap(
         rays=counts.rays,
         error_rays=counts.error_rays,
         seconds={"build": built - began, "trace": traced - built, "margin": time.perf_counter() - traced},
-        warnings=precision_warnings(scene),
+        warnings=precision_warnings(scene) + (white_warnings(scattering) if is_white_coloured else []),
     )
-
-
-def channels_as_grey(surfaces: Surfaces, settings: BakeSettings, white: bool) -> np.ndarray:
-    """(3,) bool: channels in which W is taken without colour, because there is none to relate it to."""
-    if not settings.use_bleeding:
-        return np.ones(3, bool)
-    return white & ~(surfaces.reflectance > 0.0).any(0)
-
-
-def open_value(r_ave: np.ndarray, settings: BakeSettings, white: bool) -> np.ndarray:
-    """W of a texel whose rays all miss, (3,)."""
-    if not settings.use_bleeding:
-        return np.ones(3)
-    return np.where(white & (r_ave <= 0.0), 1.0, r_ave)
 
 
 class TexelObscurances:
@@ -183,8 +175,8 @@ class TexelObscurances:
 class _Obscurances:
     """Estimates obscurances; `open_value` (3,) may be a guess until the texels are finished."""
 
-    def __init__(self, source: TexelObscurances, open_value: np.ndarray, white: bool) -> None:
-        self._source, self.open_value, self._white = source, open_value, white
+    def __init__(self, source: TexelObscurances, open_value: np.ndarray) -> None:
+        self._source, self.open_value = source, open_value
 
     def estimate(self, texels: Texels, n: int, rows: tuple[int, int]) -> TexelValues:
         return self._source.estimate(texels, n, rows)
@@ -195,8 +187,6 @@ class _Obscurances:
     def finish(self, values: np.ndarray) -> None:
         for column, open_value in zip(values.T, self.open_value.astype(values.dtype), strict=False):
             column += values[:, 3] * open_value
-            if self._white:
-                column /= open_value
 
     def open_color(self) -> np.ndarray:
-        return np.ones(3) if self._white else self.open_value
+        return self.open_value

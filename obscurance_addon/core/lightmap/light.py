@@ -31,7 +31,7 @@ from ..obscurance import precision_warnings
 from ..scene import Patches, Surfaces, join_cells
 from ..settings import BakeSettings
 from ..tracing import BLOCK_RAYS, EmbreeIntersector, Intersector, build_scene
-from .bake import Lightmap, TexelObscurances, channels_as_grey, open_value
+from .bake import Lightmap, TexelObscurances
 from .estimation import bands_at_once, estimate_pages, finish_pages, texel_settings
 from .layout import AtlasLayout
 from .obscurances import TexelTracer, TexelValues, texel_triangles
@@ -100,7 +100,7 @@ def bake_light_map(
     progress = TexelProgress(monitor, settings.rays * (1 + len(scene.sources)))
     estimator = _TexelLight(
         faces,
-        TexelTracer(bare.traced, for_texels, channels_as_grey(surfaces, settings, True), progress.cast, block_rays),
+        TexelTracer(bare.traced, for_texels, _channels_as_grey(surfaces, settings), progress.cast, block_rays),
         light,
         lightmap,
         factor / np.pi,
@@ -132,6 +132,11 @@ def bake_light_map(
     )
 
 
+def _channels_as_grey(surfaces: Surfaces, settings: BakeSettings) -> np.ndarray:
+    """(3,) bool: channels in which W is taken without colour, because there is none to relate it to."""
+    return ~(surfaces.reflectance > 0.0).any(0) if settings.use_bleeding else np.ones(3, bool)
+
+
 class _TexelLight:
     """Estimates the light of texels; values are radiance at once, times `factor` x pi."""
 
@@ -146,7 +151,8 @@ class _TexelLight:
     ) -> None:
         self._materials_at = materials_at
         self._faces, self._tracer, self._factor = faces, tracer, factor
-        self._open = open_value(faces.r_ave, tracer.settings, white=True)
+        has_colour = tracer.settings.use_bleeding & (faces.r_ave > 0.0)
+        self._open = np.where(has_colour, faces.r_ave, 1.0)
         self._obscurances = TexelObscurances(tracer, self._open, lightmap) if faces.ambient else None
         self._with_direct = light.quantity is not Quantity.AMBIENT
         self._with_emission = light.quantity is Quantity.COMBINED

@@ -1,4 +1,4 @@
-"""Obscurances of chosen texels, in a form that stays linear until R_ave is known."""
+"""Obscurances of chosen texels, in a form that waits for R_ave."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..obscurance import Caster, ObscuranceSums
+from ..obscurance import Caster, ObscuranceSums, white_hits
 from ..scene import Cells, as_triangles
 from ..settings import BakeSettings
 from ..tracing import TracedScene
@@ -21,8 +21,8 @@ class TexelValues:
     Attributes
     ----------
     values : ndarray, (m, 4) float64
-        Mean of rho R per RGB channel over rays that hit, times their share, and the share of rays that missed: W is
-        the first three plus the fourth times R_ave. 0 for texels inside of solids.
+        What hits add per RGB channel, and the share of rays that missed: the obscurance is the first three plus the
+        fourth times that of an open texel. 0 for texels inside of solids.
     valid : ndarray, (m,) float64
         Share of each texel outside of solids.
     rays : int
@@ -61,6 +61,8 @@ class TexelTracer:
     progress : callable
         Called with the number of rays just cast.
     block_rays : int
+    white_reference : float, optional
+        As of `white_hits`, for the obscurances of a white layer; else they are W.
     """
 
     scene: TracedScene
@@ -68,6 +70,7 @@ class TexelTracer:
     as_grey: np.ndarray
     progress: Callable[[int], None]
     block_rays: int
+    white_reference: float | None = None
 
     def trace(
         self, texels: Texels, chosen: np.ndarray, *, factor: int = 1, replicate: int = 0, with_distances: bool = False
@@ -85,8 +88,11 @@ class TexelTracer:
     def _joined(self, whole: ObscuranceSums, parts: ObscuranceSums) -> TexelValues:
         hit, miss, valid = whole.hit + parts.hit, whole.miss + parts.miss, whole.valid + parts.valid
         share = np.where(valid > 0.0, valid, np.inf)
-        columns = [hit[:, 3 if is_grey else channel] for channel, is_grey in enumerate(self.as_grey)]
-        values = np.stack([column / share for column in (*columns, miss)], -1)
+        hit = hit / share[:, None]
+        added = np.where(self.as_grey, hit[:, 3:], hit[:, :3])
+        if self.white_reference is not None:
+            added = white_hits(hit, self.white_reference)
+        values = np.column_stack([added, miss / share])
         found = TexelValues(values, valid, whole.rays + parts.rays, len(valid))
         if whole.nearness is None:
             return found

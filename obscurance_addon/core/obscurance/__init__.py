@@ -10,11 +10,13 @@ from .bake import (
     error_sample,
     half_difference,
     obscurances_in,
+    open_values,
     patch_values,
     precision_warnings,
 )
 from .estimator import Caster, ObscuranceSums, Progress
 from .objects import bake_objects
+from .white import white_hits, white_warnings
 
 __all__ = [
     "Caster",
@@ -26,6 +28,9 @@ __all__ = [
     "error_sample",
     "half_difference",
     "obscurances_in",
+    "open_values",
     "patch_values",
     "precision_warnings",
+    "white_hits",
+    "white_warnings",
 ]

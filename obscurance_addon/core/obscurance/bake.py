@@ -12,10 +12,11 @@ import numpy as np
 
 from ..monitor import Monitor
 from ..sampling import allocate_rays, hash32
-from ..scene import Patches, Surfaces, fill_invalid, mean_reflectance
+from ..scene import LUMINANCE, Patches, Surfaces, fill_invalid, hidden_sums, mean_of_sums, scattering_mean, surface_sums
 from ..settings import BakeSettings
 from ..tracing import BLOCK_RAYS, BuiltScene, EmbreeIntersector, Held, Intersector, build_scene
 from .estimator import ObscuranceSums, gather_obscurances
+from .white import white_hits
 
 # The error is measured on a sample of the patches, baked once more with independent points: all of a small scene,
 # one in 32 of a large one, where 1,000 pairs already fix the RMSE to a few percent.
@@ -38,11 +39,15 @@ class Obscurances:
         or are those of an open patch where there is none.
     r_ave : ndarray, (3,) float64
         Mean reflectance of the scene's surfaces, patches inside of solids left out.
+    white : ndarray, (p, 3) float64
+        The obscurances as a white layer: exactly 1 for an open patch, 0 .. 2; `grey` without bleeding.
+    scattering : ndarray, (3,) float64
+        Mean reflectance of the surfaces that scatter light; `white` relates to its luminance.
     use_bleeding : bool
-    repeated : ndarray, (p, 4) float64
-        `coloured` and `grey` from independent points for the sample of patches that tells the error; else NaN.
-    rmse, grey_rmse : ndarray, (3,) float64, and float
-        Estimated root mean square error of `coloured` and of `grey` over patches, from independent point sets.
+    repeated : ndarray, (p, 7) float64
+        `coloured`, `grey` and `white` from independent points for the sample of patches that tells the error; else NaN.
+    rmse, grey_rmse, white_rmse : ndarray, (3,) float64, float, and (3,)
+        Estimated root mean square error of `coloured`, `grey` and `white` over patches, from independent point sets.
     d_max : float
         Reach of the rays in metres.
     rays : int
@@ -57,11 +62,14 @@ class Obscurances:
     coloured: np.ndarray
     grey: np.ndarray
     valid: np.ndarray
+    white: np.ndarray
     r_ave: np.ndarray
+    scattering: np.ndarray
     use_bleeding: bool
     repeated: np.ndarray
     rmse: np.ndarray
     grey_rmse: float
+    white_rmse: np.ndarray
     d_max: float
     rays: int
     error_rays: int
@@ -69,26 +77,17 @@ class Obscurances:
     seconds: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
-    def white(self) -> np.ndarray:
-        """W / R_ave per channel, (p, 3) float64: an open patch is 1. Eq. 2 without bleeding or where R_ave is 0."""
-        return self._as_white(self.coloured, self.grey)
+    def relative(self) -> np.ndarray:
+        """W / R_ave per channel, (p, 3) float64, without a bound; eq. 2 without bleeding or where R_ave is 0."""
+        return self._relative(self.coloured, self.grey)
 
-    def white_again(self) -> np.ndarray:
-        """`white` of the repeated estimates, (p, 3) float64, NaN where there is none."""
-        return self._as_white(self.repeated[:, :3], self.repeated[:, 3])
+    def relative_again(self) -> np.ndarray:
+        """`relative` of the repeated estimates, (p, 3) float64, NaN where there is none."""
+        return self._relative(self.repeated[:, :3], self.repeated[:, 3])
 
-    def white_rmse(self) -> np.ndarray:
-        """Estimated error of `white`, (3,) float64."""
-        white = self._white()
-        return np.where(white > 0.0, self.rmse / np.where(white > 0.0, white, 1.0), self.grey_rmse)
-
-    def _as_white(self, coloured: np.ndarray, grey: np.ndarray) -> np.ndarray:
-        white = self._white()
-        return np.where(white > 0.0, coloured / np.where(white > 0.0, white, 1.0), grey[:, None])
-
-    def _white(self) -> np.ndarray:
-        """Value of an open patch per channel, (3,) float64."""
-        return self.r_ave if self.use_bleeding else np.ones(3)
+    def _relative(self, coloured: np.ndarray, grey: np.ndarray) -> np.ndarray:
+        of_open = self.r_ave if self.use_bleeding else np.ones(3)
+        return np.where(of_open > 0.0, coloured / np.where(of_open > 0.0, of_open, 1.0), grey[:, None])
 
 
 def bake_obscurances(
@@ -180,21 +179,27 @@ def obscurances_in(
     second = cast(dataclasses.replace(traced, cells=traced.cells.of_patches(sample)), replicate=1)
     trace_seconds = time.perf_counter() - began
 
-    r_ave = mean_reflectance(surfaces, traced.cells.area * normalisation.scale**2, sums.valid, patch_reflectance)
-    values, again = (patch_values(s, r_ave, settings.use_bleeding) for s in (sums, second))
+    of_all, hidden = surface_sums(surfaces), np.zeros(4)
+    if patch_reflectance is not None:
+        hidden = hidden_sums(traced.cells.area * normalisation.scale**2, sums.valid, patch_reflectance)
+    r_ave, scattering = mean_of_sums(of_all[:4], hidden), scattering_mean(of_all[4:])
+    values, again = (patch_values(s, r_ave, scattering, settings.use_bleeding) for s in (sums, second))
     again[~(sample & (sums.valid > 0.0) & (second.valid > 0.0))] = np.nan
     rmse = half_difference(values, again)
     valid = sums.valid > 0.0
-    fill_invalid(values, valid, np.append(r_ave if settings.use_bleeding else np.ones(3), 1.0), neighbours)
+    fill_invalid(values, valid, open_values(r_ave, settings.use_bleeding), neighbours)
     return Obscurances(
         coloured=values[:, :3],
         grey=values[:, 3],
+        white=values[:, 4:],
         valid=valid,
         r_ave=r_ave,
+        scattering=scattering,
         use_bleeding=settings.use_bleeding,
         repeated=again,
         rmse=rmse[:3],
         grey_rmse=float(rmse[3]),
+        white_rmse=rmse[4:],
         d_max=d_max,
         rays=sums.rays,
         error_rays=second.rays,
@@ -218,10 +223,20 @@ def error_sample(ids: np.ndarray) -> np.ndarray:
     return sample
 
 
-def patch_values(sums: ObscuranceSums, r_ave: np.ndarray, use_bleeding: bool) -> np.ndarray:
-    """(p, 4) float64: W per channel and W without colour; NaN for invalid patches."""
+def patch_values(sums: ObscuranceSums, r_ave: np.ndarray, scattering: np.ndarray, use_bleeding: bool) -> np.ndarray:
+    """(p, 7) float64: W per channel, W without colour, and the white layer; NaN for invalid patches."""
     grey = sums.grey()[:, None]
-    return np.hstack([sums.coloured(r_ave) if use_bleeding else np.repeat(grey, 3, axis=1), grey])
+    if not use_bleeding:
+        return np.repeat(grey, 7, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        white = white_hits(sums.hit / sums.valid[:, None], scattering @ LUMINANCE)
+        white += (sums.miss / sums.valid)[:, None]
+    return np.hstack([sums.coloured(r_ave), grey, white])
+
+
+def open_values(r_ave: np.ndarray, use_bleeding: bool) -> np.ndarray:
+    """`patch_values` of an open patch, (7,) float64."""
+    return np.concatenate([r_ave if use_bleeding else np.ones(3), np.ones(4)])
 
 
 def precision_warnings(scene: BuiltScene) -> list[str]:

@@ -17,7 +17,7 @@ from ..light import BakedLight, LightSettings, bake_light
 from ..lightmap import Lightmap, LightmapSettings, bake_light_map, bake_lightmap
 from ..monitor import Monitor
 from ..notes import Notes, named
-from ..obscurance import Obscurances, bake_obscurances
+from ..obscurance import Obscurances, bake_obscurances, white_warnings
 from ..settings import BakeSettings
 from .arrays import BakeArrays, ObjectRange, prepare_arrays
 from .atlas_layout import LaidOut, lay_out
@@ -137,7 +137,10 @@ class BakeOrder:
             d_max=result.d_max,
             quantity=self.light.quantity,
             **(ambient_report(result) if isinstance(result, BakedLight) else {}),
-            warnings=arrays.warnings + result.warnings + self._hidden_patches(arrays.ranges, result.valid),
+            warnings=arrays.warnings
+            + result.warnings
+            + self._white_warnings(result)
+            + self._hidden_patches(arrays.ranges, result.valid),
         )
         return BakeResult(report, [values[part.first : part.end][part.element_patch] for part in arrays.ranges])
 
@@ -147,8 +150,13 @@ class BakeOrder:
             factor = 2.0**self.output.exposure
             return result.radiance * factor, result.rmse * factor
         if self.output.scale is Scale.WHITE:
-            return result.white(), result.white_rmse()
+            return result.white, result.white_rmse
         return result.coloured, result.rmse
+
+    def _white_warnings(self, result: Obscurances | BakedLight) -> list[str]:
+        """What a white layer cannot show of the colours of this scene."""
+        is_white = isinstance(result, Obscurances) and self.output.scale is Scale.WHITE
+        return white_warnings(result.scattering) if is_white and self.settings.use_bleeding else []
 
     def _lightmap(self, arrays: BakeArrays, extract: float, monitor: Monitor, intersector: Callable) -> BakeResult:
         laid_out = self._laid_out(arrays, monitor)

@@ -134,8 +134,8 @@ class Following:
 
     def values(self, key: Hashable) -> np.ndarray:
         """What to write on an object, (n, 3) float64."""
-        colours = self._bake.white(key) if self._is_white else self._bake.values(key).coloured
-        return colours[self._elements[key]]
+        values = self._bake.values(key)
+        return (values.white if self._is_white else values.coloured)[self._elements[key]]
 
     def _followed(self, update: Update, asked: Collection[Hashable]) -> Followed:
         held = replace(self._bake.held, rays=None)  # their number is found anew with the patches

@@ -25,7 +25,7 @@ class Target(enum.StrEnum):
 class Scale(enum.StrEnum):
     """What number an open face gets."""
 
-    WHITE = "WHITE"  # W / R_ave: open is white, a layer to multiply by
+    WHITE = "WHITE"  # open is white, a layer to multiply by
     PAPER = "PAPER"  # W of eq. 5 as it is
 
 

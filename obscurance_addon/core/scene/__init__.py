@@ -21,10 +21,11 @@ from .patches import (
     triangle_areas,
     usable_triangles,
 )
-from .reflectance import hidden_sums, mean_of_sums, mean_reflectance, surface_sums
+from .reflectance import LUMINANCE, hidden_sums, mean_of_sums, mean_reflectance, scattering_mean, surface_sums
 from .solids import connected_components, finite_or_nan, solid_triangles
 
 __all__ = [
+    "LUMINANCE",
     "OFFSET",
     "Cells",
     "Normalisation",
@@ -46,6 +47,7 @@ __all__ = [
     "mesh_object",
     "prepare_cells",
     "same_numbers",
+    "scattering_mean",
     "smooth_fans",
     "solid_triangles",
     "surface_sums",

@@ -1,10 +1,14 @@
-"""The mean reflectance of a scene."""
+"""The mean reflectance of a scene, and of those of its surfaces that scatter light."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from .patches import Surfaces, slices, triangle_areas
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec. 709
+# Luminance of a surface that counts half among those that scatter light; docs/theory.md, "White scale".
+HALF_SCATTERING = 0.05
 
 
 def mean_reflectance(
@@ -32,17 +36,24 @@ def mean_reflectance(
     hidden = np.zeros(4)
     if patch_reflectance is not None:
         hidden = hidden_sums(patch_area, exposed, patch_reflectance)
-    return mean_of_sums(sums, hidden)
+    return mean_of_sums(sums[:4], hidden)
 
 
 def surface_sums(surfaces: Surfaces) -> np.ndarray:
-    """Sums of area, square metres, and of area times reflectance over all triangles, (4,) float64."""
+    """Sums over all triangles, (8,) float64.
+
+    First of area, square metres, and of area times reflectance, as `mean_of_sums` takes them; then the same of the
+    area that scatters light, as `scattering_mean` takes them.
+    """
     triangles = surfaces.triangles
     area = np.empty(len(triangles))
     for part in slices(len(triangles)):
         area[part] = triangle_areas(surfaces.vertices[triangles[part]])
     area[~np.isfinite(area)] = 0.0
-    return np.append(area.sum(), area @ surfaces.reflectance.astype(np.float64))
+    reflectance = surfaces.reflectance.astype(np.float64)
+    square = (reflectance @ LUMINANCE) ** 2
+    scattering = area * (square / (square + HALF_SCATTERING**2))
+    return np.concatenate([[area.sum()], area @ reflectance, [scattering.sum()], scattering @ reflectance])
 
 
 def hidden_sums(patch_area: np.ndarray, exposed: np.ndarray, patch_reflectance: np.ndarray) -> np.ndarray:
@@ -55,5 +66,19 @@ def mean_of_sums(sums: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     """R_ave (3,) from sums of area and of area times reflectance, each (4,) float64, of all and of what is hidden."""
     if hidden[0] < (1.0 - 1e-9) * sums[0]:
         sums = sums - hidden
+    return _mean(sums)
+
+
+def scattering_mean(sums: np.ndarray) -> np.ndarray:
+    """Mean reflectance (3,) of the surfaces that scatter light, from the last four of `surface_sums`; 0 for none.
+
+    A surface of luminance g counts by g^2 / (g^2 + HALF_SCATTERING^2) of its area, so that black, shining and mirroring
+    ones leave it by degrees.
+    """
+    return _mean(sums)
+
+
+def _mean(sums: np.ndarray) -> np.ndarray:
+    """Reflectance (3,) in 0 .. 1 from sums (4,), rounded to float32; 0 without area."""
     mean = np.clip(sums[1:] / sums[0], 0.0, 1.0) if sums[0] > 0.0 else np.zeros(3)
     return mean.astype(np.float32).astype(np.float64)

@@ -34,7 +34,8 @@ def pass_doubled_faces(
         step = hits.distance[rays] + offset[rays // n]
         onward = origins[rays] + step[:, None] * directions[rays]
         beyond = scene.intersector.intersect(onward, directions[rays], np.maximum(limit - step, 0.0))
-        hits.distance[rays], hits.triangle[rays] = beyond.distance + step, beyond.triangle
+        # Where d_max is less than the step, nothing is beyond, and rho must not rise above 1.
+        hits.distance[rays], hits.triangle[rays] = np.minimum(beyond.distance + step, limit), beyond.triangle
         hits.normal[rays] = beyond.normal
         rays = rays[(hits.triangle[rays] >= 0) & (hits.distance[rays] < COPLANAR_OFFSETS * offset[rays // n])]
 

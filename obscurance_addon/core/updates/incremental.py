@@ -16,8 +16,8 @@ import numpy as np
 from ..errors import GeometryError, ObscuranceError
 from ..falloff import Falloff
 from ..monitor import Monitor
-from ..obscurance import patch_values
-from ..scene import Cells, Normalisation, SceneObject, fill_invalid, join_objects, mean_of_sums
+from ..obscurance import open_values, patch_values
+from ..scene import Cells, Normalisation, SceneObject, fill_invalid, join_objects, mean_of_sums, scattering_mean
 from ..settings import BakeSettings
 from ..tracing import EmbreeIntersector, Held, scene_diagonal
 from .caster import LayeredCaster, MovingLayer
@@ -56,6 +56,8 @@ class IncrementalBake:
     ----------
     r_ave : ndarray, (3,) float64
         Mean reflectance of the scene as it is.
+    scattering : ndarray, (3,) float64
+        That of the surfaces that scatter light.
     last : Update
         The last one; at first what the whole bake was.
 
@@ -89,7 +91,7 @@ class IncrementalBake:
         self._settings, self._held = settings, held
         self._scene = ChangingScene(objects, movers, settings, held, intersector, ceiling_bytes)
         self._probed_by: dict[int, set[int]] = {}  # row of an object -> rows of those whose probing rays met it
-        self.r_ave = np.zeros(3)
+        self.r_ave = self.scattering = np.zeros(3)
         self.last = self._bake_all(monitor or Monitor())
         self._is_usable = True
 
@@ -117,23 +119,16 @@ class IncrementalBake:
     def values(self, key: Hashable) -> ObjectValues:
         """Obscurances of the patches of one object."""
         self._check()
-        state = self._scene.states[key]
+        state, use_bleeding = self._scene.states[key], self._settings.use_bleeding
         if state.values is None:
-            state.values = patch_values(state.sums, self.r_ave, self._settings.use_bleeding)
-            fill_invalid(state.values, state.sums.valid > 0.0, np.append(self._open(), 1.0), state.source.neighbours)
-        return ObjectValues(state.values[:, :3], state.values[:, 3], state.sums.valid > 0.0)
-
-    def white(self, key: Hashable) -> np.ndarray:
-        """`Obscurances.white` of one object, (p, 3) float64."""
-        values, white = self.values(key), self._open()
-        return np.where(white > 0.0, values.coloured / np.where(white > 0.0, white, 1.0), values.grey[:, None])
+            state.values = patch_values(state.sums, self.r_ave, self.scattering, use_bleeding)
+            of_open = open_values(self.r_ave, use_bleeding)
+            fill_invalid(state.values, state.sums.valid > 0.0, of_open, state.source.neighbours)
+        return ObjectValues(state.values[:, :3], state.values[:, 3], state.values[:, 4:], state.sums.valid > 0.0)
 
     def _check(self) -> None:
         if not self._is_usable:
             raise ObscuranceError("an update was not finished: bake the scene anew")
-
-    def _open(self) -> np.ndarray:
-        return self.r_ave if self._settings.use_bleeding else np.ones(3)
 
     def update(self, changes: Mapping[Hashable, SceneObject | None], monitor: Monitor | None = None) -> Update:
         """Bake again what changes have influence on.
@@ -217,10 +212,12 @@ class IncrementalBake:
                     caster.recast_patches_inside_solids()
         self._take(states, cells, chosen, caster)
         keys = {state.key for state, own in parts(states) if chosen[own].any()}
-        r_ave = mean_of_sums(*self._scene.table.areas.sum(0).reshape(2, 4))
-        if self._settings.use_bleeding and not np.array_equal(r_ave, self.r_ave):
+        of_all, scattering, hidden = self._scene.table.areas.sum(0).reshape(3, 4)
+        r_ave, scattering = mean_of_sums(of_all, hidden), scattering_mean(scattering)
+        is_same = np.array_equal(r_ave, self.r_ave) and np.array_equal(scattering, self.scattering)
+        if self._settings.use_bleeding and not is_same:
             keys = {key for key, state in self._scene.states.items() if len(state.rays)}
-        self.r_ave = r_ave
+        self.r_ave, self.scattering = r_ave, scattering
         for key in keys:
             self._scene.states[key].values = None
         n_chosen, cache = int(np.count_nonzero(chosen)), self._scene.cache

@@ -63,7 +63,7 @@ class ObjectState:
         Distance of the farthest hit of patches whose rays have no limit, else 0.
     first : int
         Number in the whole scene of its first triangle.
-    values : ndarray, (p, 4) float64, or None
+    values : ndarray, (p, 7) float64, or None
         Finished values, None when they are out of date.
     """
 
@@ -100,7 +100,7 @@ class ObjectState:
         self.count = split_rays(self.cells.patch, self.cells.weight, rays)[1]
 
     def reflecting_sums(self) -> np.ndarray:
-        """Sums of area and of area times reflectance, first of all, then of what is hidden in solids, (8,) float64."""
+        """`surface_sums`, then the first four of these for what is hidden in solids, (12,) float64."""
         hidden = hidden_sums(self._patch_area, self.sums.valid, self.source.reflectance)
         return np.append(self._surface_sums, hidden)
 
@@ -142,14 +142,14 @@ class ObjectTable:
         Whether the object is in reach of any patch of the scene, and so traced.
     farthest : ndarray, (o,) float64
         Largest `ObjectState.farthest` of each.
-    areas : ndarray, (o, 8) float64
+    areas : ndarray, (o, 12) float64
         `ObjectState.reflecting_sums`.
     """
 
     def __init__(self) -> None:
         self.states: list[ObjectState | None] = []
         self.traced = self.corners = self.patches = np.repeat(NOTHING[:, None], 0, axis=1)
-        self.present, self.farthest, self.areas = np.zeros(0, bool), np.zeros(0), np.zeros((0, 8))
+        self.present, self.farthest, self.areas = np.zeros(0, bool), np.zeros(0), np.zeros((0, 12))
         self._free: list[int] = []
 
     def add(self) -> int:

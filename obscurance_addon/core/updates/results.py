@@ -51,9 +51,11 @@ class ObjectValues:
     ----------
     coloured : ndarray, (p, 3) float64
     grey : ndarray, (p,) float64
+    white : ndarray, (p, 3) float64
     valid : ndarray, (p,) bool
     """
 
     coloured: np.ndarray
     grey: np.ndarray
+    white: np.ndarray
     valid: np.ndarray

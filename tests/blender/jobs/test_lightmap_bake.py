@@ -189,8 +189,11 @@ def test_exposure_brightens_by_stops():
 
 
 def test_white_is_paper_over_the_mean_reflectance():
-    """In every texel."""
+    """In every texel, where all is of one grey."""
     objects = panels()
+    for ob in objects:
+        ob.data.materials.clear()
+        ob.data.materials.append(diffuse("One", (0.4, 0.4, 0.4)))
     white, paper = (result_of(finished(*objects, scale=scale)) for scale in ("WHITE", "PAPER"))
     np.testing.assert_allclose(
         white.pages[0][..., :3] * white.report.r_ave, paper.pages[0][..., :3], rtol=1e-5, atol=1e-6

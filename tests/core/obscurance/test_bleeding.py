@@ -57,7 +57,7 @@ def test_without_bleeding_all_channels_are_grey():
     coloured, grey = (beside_a_wall(RED).bake(BakeSettings(distance=0.7, use_bleeding=b)) for b in (True, False))
     np.testing.assert_array_equal(grey.coloured, np.repeat(grey.grey[:, None], 3, axis=1))
     np.testing.assert_allclose(grey.grey, coloured.grey, rtol=0, atol=1e-6)
-    np.testing.assert_array_equal(grey.white(), grey.coloured)
+    np.testing.assert_array_equal(grey.white, grey.coloured)
 
 
 def test_r_ave_is_weighed_by_area():
@@ -87,20 +87,23 @@ def test_r_ave_of_nothing_is_defined():
 @pytest.mark.parametrize("rays", [1, 3, 64, 100])
 @pytest.mark.parametrize("colour", [(1 / 49, 0.3, 0.7), (0.1, 1 / 3, 0.9)])
 def test_white_makes_open_patches_exactly_1(rays, colour):
-    """W / R_ave of a patch whose rays all miss is 1.0, not nearly 1.0, for any number of rays and of triangles."""
+    """White of a patch whose rays all miss is 1.0, not nearly 1.0, for any number of rays and of triangles."""
     ground = floor((0, 0), (1, 1), 7, 7, colour=colour).moved(np.array([[1, 0.3, 0], [0, 1, 0.1], [0.2, 0, 1.0]]))
     baked = scene([ground]).bake(BakeSettings(rays=rays))
-    np.testing.assert_array_equal(baked.white(), 1.0)
+    np.testing.assert_array_equal(baked.white, 1.0)
     np.testing.assert_array_equal(baked.grey, 1.0)
 
 
-def test_white_of_a_channel_without_light_is_grey():
+def test_what_light_relates_to_is_the_paper_value_of_an_open_patch():
+    """W / R_ave, and eq. 2 in a channel without any reflectance."""
     baked = beside_a_wall((0, 0.5, 0), (0, 0.5, 1.0)).bake(BakeSettings(distance=0.7))
     assert baked.r_ave[0] == 0.0
-    np.testing.assert_array_equal(baked.white()[:, 0], baked.grey)
-    np.testing.assert_allclose(baked.white()[:, 1:], baked.coloured[:, 1:] / baked.r_ave[1:], rtol=4 * EPS)
-    assert baked.white_rmse()[0] == baked.grey_rmse
-    np.testing.assert_allclose(baked.white_rmse()[1:], baked.rmse[1:] / baked.r_ave[1:], rtol=4 * EPS)
+    for found, w, grey in (
+        (baked.relative(), baked.coloured, baked.grey),
+        (baked.relative_again(), baked.repeated[:, :3], baked.repeated[:, 3]),
+    ):
+        np.testing.assert_array_equal(found[:, 0], grey)
+        np.testing.assert_allclose(found[:, 1:], w[:, 1:] / baked.r_ave[1:], rtol=4 * EPS)
 
 
 @pytest.mark.parametrize("r", [0.0, 1.0])
@@ -110,5 +113,5 @@ def test_black_and_white_scenes(r):
     baked = s.bake(BakeSettings(distance=0.4))
     np.testing.assert_allclose(baked.coloured, r * baked.grey[:, None].repeat(3, 1), rtol=0, atol=1e-6)
     np.testing.assert_allclose(baked.r_ave, r, rtol=1e-14)
-    np.testing.assert_allclose(baked.white(), baked.grey[:, None].repeat(3, 1), rtol=0, atol=1e-6)
-    assert np.isfinite(baked.white_rmse()).all()
+    np.testing.assert_allclose(baked.white, baked.grey[:, None].repeat(3, 1), rtol=0, atol=1e-6)
+    assert np.isfinite(baked.white_rmse).all()

@@ -23,7 +23,7 @@ SETTINGS = BakeSettings(distance=0.7)
 def assert_defined(baked) -> None:
     assert np.isfinite(baked.coloured).all()
     assert np.isfinite(baked.grey).all()
-    assert np.isfinite(baked.white()).all()
+    assert np.isfinite(baked.white).all()
     assert np.isfinite(baked.rmse).all()
     assert ((baked.grey >= 0.0) & (baked.grey <= 1.0 + 1e-6)).all()
 
@@ -51,7 +51,7 @@ def test_unusable_triangles_are_invalid_and_harm_no_other(defect, falloff):
     np.testing.assert_array_equal(with_bad.valid, [True] * 25 + [False])
     np.testing.assert_array_equal(with_bad.grey[:25], without.grey)
     np.testing.assert_allclose(with_bad.coloured[:25], without.coloured, rtol=0, atol=1e-9)  # the needle is in R_ave
-    np.testing.assert_array_equal(with_bad.white()[25], 1.0)
+    np.testing.assert_array_equal(with_bad.white[25], 1.0)
 
 
 @pytest.mark.parametrize("defect", ["segment", "needle", "nan", "inf"])
@@ -87,7 +87,7 @@ def test_a_scene_of_unusable_triangles_only(defect):
     baked = s.bake()
     assert_defined(baked)
     assert not baked.valid.any()
-    np.testing.assert_array_equal(baked.white(), 1.0)
+    np.testing.assert_array_equal(baked.white, 1.0)
 
 
 def without_faces(vertices: int) -> Scene:

@@ -82,5 +82,5 @@ def test_rotation(seed):
 def test_units_of_the_white_scale():
     """white() and the error figures are free of units."""
     one, other = (furnished(k).bake(BakeSettings(32, distance=DISTANCE * k)) for k in (1.0, 1024.0))
-    np.testing.assert_array_equal(one.white(), other.white())
-    np.testing.assert_array_equal(one.white_rmse(), other.white_rmse())
+    np.testing.assert_array_equal(one.white, other.white)
+    np.testing.assert_array_equal(one.white_rmse, other.white_rmse)

@@ -9,7 +9,7 @@ from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.embree import EmbreeIntersector
 from tests.core import closed_forms as exact
 from tests.core.measuring import ROUNDING, SIGMAS, bakes, estimate
-from tests.core.scenes import Scene, box, floor, grid, room, rotation, scene
+from tests.core.scenes import Scene, box, floor, grid, mesh, room, rotation, scene
 
 
 class HitCounter:
@@ -119,3 +119,14 @@ def test_a_detailed_part_in_the_middle_of_a_large_scene_is_exact():
     settings = BakeSettings(1024, distance=0.002, falloff=Falloff.LINEAR)
     alone, together = scene([nook], [ceiling]), scene([nook, *ends], [ceiling])
     assert together.bake(settings).grey[0] == pytest.approx(alone.bake(settings).grey[0], abs=2e-4)
+
+
+def test_doubled_faces_with_a_reach_below_the_ray_offset():
+    """Every face is there twice, in a scene so large that rays start farther off than they reach: W stays within 1."""
+    ends = np.array([(s * 1e15, y, z) for s in (1, -1) for y, z in ((0, 0), (1, 0), (0, 1))])
+    far = mesh(ends, [(0, 1, 2), (3, 4, 5)])
+    for seed in range(4):
+        corners = np.random.default_rng(seed).uniform(-0.5, 0.5, (6, 3, 3))
+        faces = [mesh(triangle, [(0, 1, 2)]) for triangle in corners]
+        baked = scene([*faces, *faces, far]).bake(BakeSettings(16, distance=1e-9, threads=1))
+        assert baked.grey.max() <= 1.0

@@ -34,7 +34,7 @@ def test_it_gives_what_the_steps_by_hand_give():
     np.testing.assert_array_equal(baked.coloured, expected.coloured)
     np.testing.assert_array_equal(baked.r_ave, expected.r_ave)
     assert np.count_nonzero(~baked.valid) == 4, "the faces that lie wholly below the box"
-    assert np.isfinite(baked.white()).all()
+    assert np.isfinite(baked.white).all()
 
 
 def test_faces_in_any_order_keep_their_values_apart():

@@ -75,7 +75,7 @@ def assert_equals_full_bake(bake: IncrementalBake, settings: BakeSettings, **kw:
     objects = bake.objects
     full = full_bake(objects, settings, bake.held, **kw)
     np.testing.assert_array_equal(bake.r_ave, full.r_ave)
-    white = full.white()
+    white = full.white
     first = 0
     for key, source in objects.items():
         own = slice(first, first + len(source.patches))
@@ -84,4 +84,4 @@ def assert_equals_full_bake(bake: IncrementalBake, settings: BakeSettings, **kw:
         np.testing.assert_array_equal(values.valid, full.valid[own], err_msg=str(key))
         np.testing.assert_array_equal(values.grey, full.grey[own], err_msg=str(key))
         np.testing.assert_array_equal(values.coloured, full.coloured[own], err_msg=str(key))
-        np.testing.assert_array_equal(bake.white(key), white[own], err_msg=str(key))
+        np.testing.assert_array_equal(values.white, white[own], err_msg=str(key))

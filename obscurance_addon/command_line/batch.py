@@ -198,6 +198,7 @@ def _bake_once(context, objects: list, asked: _Asked, file: _File) -> tuple[dict
     traced = report.seconds["trace"] + report.seconds.get("light", 0.0)
     return {
         "settings": asked.described() | {"distance": finite(report.d_max)},
+        "distance_from": report.reach_from,
         "objects": report.objects,
         "patches": report.patches,
         "triangles": report.triangles,

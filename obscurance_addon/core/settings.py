@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from .errors import SettingsError
 from .falloff import Falloff
 
-AUTO_DISTANCE_FRACTION = 0.2  # of the bounding box diagonal; see docs/theory.md, "The reach d_max"
+AUTO_DISTANCE_FRACTION = 0.2  # of the size of what is baked; see docs/theory.md, "The reach d_max"
 MIN_RAYS_PER_PATCH = 16  # floor when a ray budget is shared out by area: small patches must not starve
 MAX_RAYS_PER_PATCH = 1 << 24
 MAX_THREADS = 1024
@@ -38,7 +38,7 @@ class BakeSettings:
         Total number of rays to share out over the patches in proportion to area, at least 16 each (the 2003 paper's
         way). Replaces `rays` when given.
     distance : float or None
-        d_max in metres, above 0, may be infinite; None takes 0.2 x the diagonal of the scene's bounding box.
+        d_max in metres, above 0, may be infinite; None takes 0.2 x the size of what is baked and stands by it.
     falloff : Falloff
         The distance function rho.
     use_bleeding : bool
@@ -83,10 +83,6 @@ class BakeSettings:
                 f"distance is {self.distance:g} m, but rays need a length: give a distance above 0, or use the "
                 "automatic distance"
             )
-
-    def max_distance(self, diagonal: float) -> float:
-        """d_max in metres for a scene whose bounding box has this diagonal (metres)."""
-        return AUTO_DISTANCE_FRACTION * diagonal if self.distance is None else float(self.distance)
 
     def thread_count(self) -> int:
         """Number of threads to trace with: `threads`, or one for each processor this process may use."""

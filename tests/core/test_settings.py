@@ -63,11 +63,6 @@ def test_names_become_members():
     assert settings.sampler is Sampler.RANDOM
 
 
-def test_automatic_distance_is_a_fifth_of_the_diagonal():
-    assert BakeSettings().max_distance(10.0) == 2.0
-    assert BakeSettings(distance=3.0).max_distance(10.0) == 3.0
-
-
 def test_thread_count():
     assert BakeSettings(threads=3).thread_count() == 3
     assert BakeSettings().thread_count() >= 1

@@ -84,7 +84,11 @@ SAMPLERS = _items(
     (Sampler.RANDOM, "Random", "Rays are random, as a comparison"),
 )
 DISTANCE_MODES = _items(
-    ("AUTO", "Automatic", "Rays reach a fifth of the diagonal of the scene's bounding box"),
+    (
+        "AUTO",
+        "Automatic",
+        "Rays reach a fifth of the size of what is baked and stands by it, without skies and what is far away",
+    ),
     ("METRES", "Metres", "Rays reach the distance given below"),
 )
 UPDATE_MODES = _items(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,11 +18,12 @@ from ..lightmap import Lightmap, LightmapSettings, bake_light_map, bake_lightmap
 from ..monitor import Monitor
 from ..notes import Notes, named
 from ..obscurance import Obscurances, bake_obscurances, white_warnings
-from ..settings import BakeSettings
+from ..settings import AUTO_DISTANCE_FRACTION, BakeSettings
+from ..tracing import scene_size
 from .arrays import BakeArrays, ObjectRange, prepare_arrays
 from .atlas_layout import LaidOut, lay_out
 from .output import OutputSettings, Scale, Target
-from .report import BakeReport, LightmapReport, ambient_report
+from .report import BakeReport, LightmapReport, ambient_report, reach_report
 from .snapshot import SceneSnapshot
 from .texel_materials import TexelMaterials
 
@@ -98,11 +99,23 @@ class BakeOrder:
             )
             monitor.advance(0)
             extract = time.perf_counter() - began
-            if self.lightmap is None:
-                return self._attributes(arrays, extract, monitor, intersector)
-            return self._lightmap(arrays, extract, monitor, intersector)
+            order, reach_from = self._with_distance(arrays)
+            carry_out = order._attributes if self.lightmap is None else order._lightmap
+            result = carry_out(arrays, extract, monitor, intersector)
+            return replace(result, report=replace(result.report, reach_from=reach_from))
         except GeometryError as error:
             raise GeometryError(f"{named(self._names())}: {error}") from error
+
+    def _with_distance(self, arrays: BakeArrays) -> tuple[BakeOrder, str]:
+        """This order with a distance in metres, and what an automatic one came from."""
+        if self.settings.distance is not None:
+            return self, ""
+        size = scene_size(arrays.surfaces, arrays.patches)
+        distance = AUTO_DISTANCE_FRACTION * size.diagonal
+        if not 0.0 < distance < np.inf:
+            return self, ""  # which the bake refuses
+        names = self._names() + [ob.name for ob in self.snapshot.occluders]
+        return replace(self, settings=replace(self.settings, distance=distance)), reach_report(size, names)
 
     def _attributes(self, arrays: BakeArrays, extract: float, monitor: Monitor, intersector: Callable) -> BakeResult:
         common = {"neighbours": arrays.neighbours, "monitor": monitor, "intersector": intersector}

@@ -6,6 +6,9 @@ from dataclasses import dataclass, field
 
 from ..light import BakedLight, Quantity
 from ..lightmap import Lightmap
+from ..notes import Notes, named
+from ..settings import AUTO_DISTANCE_FRACTION
+from ..tracing import SceneSize
 
 _NAMES_IN_SUMMARY = 3
 
@@ -53,6 +56,8 @@ class BakeReport:
         Mean reflectance, and estimated error of the values written, per RGB channel.
     d_max : float
         Metres.
+    reach_from : str
+        What an automatic `d_max` came from; empty where the settings say it.
     quantity : Quantity
     ambient_light : tuple of float or None
         I_A per RGB channel, W/m^2, where the quantity has an ambient part.
@@ -74,6 +79,7 @@ class BakeReport:
     r_ave: tuple[float, float, float]
     rmse: tuple[float, float, float]
     d_max: float
+    reach_from: str = ""
     quantity: Quantity = Quantity.OBSCURANCE
     ambient_light: tuple[float, float, float] | None = None
     openness: float | None = None
@@ -85,7 +91,9 @@ class BakeReport:
     def summary(self) -> str:
         """One line for the status bar or the terminal."""
         what = "" if self.quantity is Quantity.OBSCURANCE else f"{self.quantity.value.lower()} light of "
-        reach = f" up to {self.d_max:.3g} m long" if self.quantity is Quantity.OBSCURANCE else ""
+        reach = ""
+        if self.quantity is Quantity.OBSCURANCE:
+            reach = f" up to {self.d_max:.3g} m long" + (f" ({self.reach_from})" if self.reach_from else "")
         ambient = ""
         if self.ambient_light is not None:
             ambient = ", ambient light {:.3g} {:.3g} {:.3g} W/m2".format(*self.ambient_light)
@@ -100,6 +108,15 @@ class BakeReport:
             f"Baked {what}{patches} of {_named(self.objects)} with {self.rays:,} rays{reach} in "
             f"{sum(self.seconds.values()):.2f} s{ambient}, estimated error {max(self.rmse):.2g}"
         )
+
+
+def reach_report(size: SceneSize, names: list[str]) -> str:
+    """What the automatic distance came from; names are those of all objects, as `SceneSize` counts them."""
+    notes = Notes()
+    for what, left_out in (("far larger", size.far_larger), ("far away", size.astray)):
+        notes.add(f"left out as {what}", *(names[number] for number in left_out))
+    told = [f"{what}: {named(who)}" for what, who, _ in notes if who]
+    return "; ".join([f"{AUTO_DISTANCE_FRACTION:g} of the size of what is baked", *told])
 
 
 def ambient_report(light: BakedLight | Lightmap) -> dict[str, object]:

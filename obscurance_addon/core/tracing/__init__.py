@@ -4,12 +4,13 @@ In go surfaces, cells and samples. Out come first hits, or whether there is one,
 care of.
 """
 
-from .build import BuiltScene, Held, boxes_in_reach, build_scene, scene_diagonal
+from .build import BuiltScene, Held, boxes_in_reach, build_scene, reach_of
 from .cache import IntersectorCache
 from .embree import EmbreeIntersector
 from .first_hits import meet_doubled_faces, pass_doubled_faces, shadowed, starts_inside
 from .intersector import MISS, Hits, Intersector
 from .layers import Layer, LayeredIntersector, nothing
+from .reach import SceneSize, scene_size
 from .samples import BLOCK_RAYS, TABLE_ROWS, PatchSamples, scramble_of
 from .traced_scene import FAR, NEAR, TracedScene, limit_and_scale, needs_palette
 
@@ -28,6 +29,7 @@ __all__ = [
     "Layer",
     "LayeredIntersector",
     "PatchSamples",
+    "SceneSize",
     "TracedScene",
     "boxes_in_reach",
     "build_scene",
@@ -36,7 +38,8 @@ __all__ = [
     "needs_palette",
     "nothing",
     "pass_doubled_faces",
-    "scene_diagonal",
+    "reach_of",
+    "scene_size",
     "scramble_of",
     "shadowed",
     "starts_inside",

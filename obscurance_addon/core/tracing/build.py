@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,9 +11,10 @@ import numpy as np
 from ..errors import GeometryError
 from ..monitor import Monitor
 from ..scene import Normalisation, Patches, Surfaces, bounding_box, usable_triangles
-from ..settings import BakeSettings
+from ..settings import AUTO_DISTANCE_FRACTION, BakeSettings
 from .embree import EmbreeIntersector
 from .intersector import Intersector
+from .reach import object_boxes, scene_size
 from .traced_scene import TracedScene, prepare_scene
 
 
@@ -53,10 +53,11 @@ class BuiltScene(NamedTuple):
     d_max: float
 
 
-def scene_diagonal(surfaces: Surfaces) -> float:
-    """Diagonal of the bounding box of all finite vertices, metres."""
-    low, high = bounding_box(surfaces.vertices)
-    return float(np.linalg.norm(high - low))
+def reach_of(surfaces: Surfaces, patches: Patches, settings: BakeSettings) -> float:
+    """d_max in metres: what the settings say, or a share of the size of what is baked and stands by it."""
+    if settings.distance is not None:
+        return float(settings.distance)
+    return AUTO_DISTANCE_FRACTION * scene_size(surfaces, patches).diagonal
 
 
 def build_scene(
@@ -83,7 +84,7 @@ def build_scene(
     if not len(patches):
         raise GeometryError("there is no face to bake: give objects with faces")
     if held is None:
-        held = Held(Normalisation.of(patches.corners), settings.max_distance(scene_diagonal(surfaces)))
+        held = Held(Normalisation.of(patches.corners), reach_of(surfaces, patches, settings))
     normalisation, d_max = held.normalisation, held.d_max
     kept = np.arange(len(surfaces.triangles)) if whole else _triangles_in_reach(surfaces, patches, d_max)
     vertices = normalisation.apply(surfaces.vertices)
@@ -106,19 +107,13 @@ def build_scene(
 def _triangles_in_reach(surfaces: Surfaces, patches: Patches, d_max: float) -> np.ndarray:
     """Indices of the triangles of objects whose bounding box comes within d_max of the patches.
 
-    Whole objects stay, so that the inside of a solid that is larger than d_max can still be told. Vertices of an object
-    stand together, so the range of their indices is enough to find its box.
+    Whole objects stay, so that the inside of a solid that is larger than d_max can still be told.
     """
-    low, high = bounding_box(patches.corners)
-    starts = np.r_[surfaces.object_starts, len(surfaces.triangles)]
-    in_reach = np.zeros(len(surfaces.triangles), bool)
-    for first, end in itertools.pairwise(starts):
-        used = surfaces.triangles[first:end]
-        if not len(used):
-            continue
-        box = bounding_box(surfaces.vertices[used.min() : used.max() + 1])
-        in_reach[first:end] = boxes_in_reach(box, (low, high), d_max)
-    return np.flatnonzero(in_reach)
+    boxes = object_boxes(surfaces)
+    with np.errstate(invalid="ignore"):  # of objects without triangles
+        in_reach = boxes_in_reach(boxes, bounding_box(patches.corners), d_max)
+    counts = np.diff(np.r_[surfaces.object_starts, len(surfaces.triangles)])
+    return np.flatnonzero(np.repeat(in_reach, counts))
 
 
 def boxes_in_reach(

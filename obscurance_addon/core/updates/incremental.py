@@ -19,7 +19,7 @@ from ..monitor import Monitor
 from ..obscurance import open_values, patch_values
 from ..scene import Cells, Normalisation, SceneObject, fill_invalid, join_objects, mean_of_sums, scattering_mean
 from ..settings import BakeSettings
-from ..tracing import EmbreeIntersector, Held, scene_diagonal
+from ..tracing import EmbreeIntersector, Held, reach_of
 from .caster import LayeredCaster, MovingLayer
 from .changing_scene import Change, ChangingScene
 from .influenced import influenced, is_within, objects_within
@@ -87,7 +87,7 @@ class IncrementalBake:
         if held is None:
             joined = join_objects(objects.values())
             normalisation = Normalisation.of(joined.patches.corners)
-            held = Held(normalisation, settings.max_distance(scene_diagonal(joined.surfaces)))
+            held = Held(normalisation, reach_of(joined.surfaces, joined.patches, settings))
         self._settings, self._held = settings, held
         self._scene = ChangingScene(objects, movers, settings, held, intersector, ceiling_bytes)
         self._probed_by: dict[int, set[int]] = {}  # row of an object -> rows of those whose probing rays met it

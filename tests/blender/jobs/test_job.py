@@ -79,9 +79,19 @@ def test_the_report_counts_what_was_done():
     assert "4 patches of 'Floor' with 128 rays" in report.summary()
 
 
-def test_the_automatic_distance_is_a_fifth_of_the_diagonal():
-    """Of the box around everything that counts: 2 x 4 x 1 m."""
-    assert bake(corner(), distance=None).d_max == pytest.approx(0.2 * 21.0**0.5)
+def test_the_automatic_distance_is_a_fifth_of_what_is_baked():
+    """And of what stands by it: 2 x 4 x 1 m. A ground of 2 km is left out, and named."""
+    report = bake(corner(), distance=None)
+    assert report.d_max == pytest.approx(0.2 * 21.0**0.5)
+    assert "up to 0.917 m long (0.2 of the size of what is baked) in" in report.summary()
+    sheet("Horizon", (-1000, -1000, -1), (2000, 0, 0), (0, 2000, 0))
+    sheet("Astray", (300, 0, 0), (1, 0, 0), (0, 1, 0))
+    again = bake(bpy.data.objects["Floor"], distance=None)
+    assert again.d_max == report.d_max
+    assert again.reach_from == (
+        "0.2 of the size of what is baked; left out as far larger: 'Horizon'; left out as far away: 'Astray'"
+    )
+    assert bake(bpy.data.objects["Floor"], distance=0.5).reach_from == ""
 
 
 # ------------------------------------------------------------------------------------------------- the same, or other

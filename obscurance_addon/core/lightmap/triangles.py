@@ -75,7 +75,7 @@ class AtlasTriangles:
         with np.errstate(invalid="ignore", over="ignore"):
             edge = uv[:, 1:] - uv[:, :1]
             signed = edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0]
-            usable = usable_triangles(points.reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3))
+            usable, _ = usable_triangles(points.reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3))
             kept = np.flatnonzero((page >= 0) & usable & np.isfinite(uv).all((1, 2)) & (abs(signed) > 2 * MIN_UV_AREA))
         points, uv, edge, signed = points[kept], uv[kept], edge[kept], signed[kept]
         side = points[:, 1:] - points[:, :1]

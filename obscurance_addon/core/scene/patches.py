@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,6 +24,8 @@ OFFSET = 1e-5
 # coordinate are rounding noise.
 MIN_SLENDERNESS = 1e-6
 MIN_EDGE = 1e-7
+# Slimmer triangles are traced in pieces, else rays meet the face that they leave: of 200 each, none did from here on.
+SLENDER = 3e-4
 
 _SLICE = 1 << 14
 
@@ -154,8 +157,8 @@ def triangle_areas(corners: np.ndarray) -> np.ndarray:
     return area
 
 
-def usable_triangles(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Which triangles have a normal that float32 tracing can rely on.
+def usable_triangles(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which triangles have a normal that float32 tracing can rely on, as they are or cut into shorter pieces.
 
     Parameters
     ----------
@@ -165,13 +168,16 @@ def usable_triangles(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
     Returns
     -------
-    ndarray, (t,) bool
+    usable : ndarray, (t,) bool
         False for triangles with a corner that is not finite, of no area, or slimmer than rounding allows.
+    slender : ndarray, (t,) bool
+        Those that are to be cut.
     """
-    usable = np.empty(len(triangles), bool)
+    usable, slender = np.empty((2, len(triangles)), bool)
     for part in slices(len(triangles)):
-        usable[part] = _Shape.of(vertices[triangles[part]]).usable()
-    return usable
+        shape = _Shape.of(vertices[triangles[part]])
+        usable[part], slender[part] = shape.usable(), shape.is_slender()
+    return usable, slender
 
 
 def slices(n: int) -> Iterator[slice]:
@@ -199,11 +205,21 @@ class _Shape:
         """Largest coordinate of each, (m,)."""
         return np.abs(self.corners).max((0, 1))
 
-    def usable(self) -> np.ndarray:
+    @cached_property
+    def longest(self) -> np.ndarray:
+        """Longest edge of each, (m,)."""
         with np.errstate(invalid="ignore", over="ignore"):
             edges = self.corners - np.roll(self.corners, 1, axis=0)
-            longest = np.sqrt((edges * edges).sum(1).max(0))
-            extent = self.extent()
+            return np.sqrt((edges * edges).sum(1).max(0))
+
+    def is_slender(self) -> np.ndarray:
+        """(m,) bool: whose height is tiny beside their longest edge."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self.double_area < SLENDER * self.longest * self.longest
+
+    def usable(self) -> np.ndarray:
+        with np.errstate(invalid="ignore", over="ignore"):
+            longest, extent = self.longest, self.extent()
             tall = self.double_area > MIN_SLENDERNESS * longest * longest
             return tall & (longest > MIN_EDGE * extent) & np.isfinite(extent)
 

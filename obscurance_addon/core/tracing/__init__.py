@@ -12,6 +12,7 @@ from .intersector import MISS, Hits, Intersector
 from .layers import Layer, LayeredIntersector, nothing
 from .reach import SceneSize, scene_size
 from .samples import BLOCK_RAYS, TABLE_ROWS, PatchSamples, scramble_of
+from .splitting import make_intersector
 from .traced_scene import FAR, NEAR, TracedScene, limit_and_scale, needs_palette
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "boxes_in_reach",
     "build_scene",
     "limit_and_scale",
+    "make_intersector",
     "meet_doubled_faces",
     "needs_palette",
     "nothing",

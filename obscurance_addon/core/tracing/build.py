@@ -15,6 +15,7 @@ from ..settings import AUTO_DISTANCE_FRACTION, BakeSettings
 from .embree import EmbreeIntersector
 from .intersector import Intersector
 from .reach import object_boxes, scene_size
+from .splitting import make_intersector
 from .traced_scene import TracedScene, prepare_scene
 
 
@@ -88,7 +89,8 @@ def build_scene(
     normalisation, d_max = held.normalisation, held.d_max
     kept = np.arange(len(surfaces.triangles)) if whole else _triangles_in_reach(surfaces, patches, d_max)
     vertices = normalisation.apply(surfaces.vertices)
-    kept = kept[usable_triangles(vertices, surfaces.triangles[kept])]
+    usable, slender = usable_triangles(vertices, surfaces.triangles[kept])
+    kept, slender = kept[usable], slender[usable]
     reached = surfaces.only(kept, vertices)
     monitor.phase("build", len(kept))
     done = 0
@@ -99,7 +101,7 @@ def build_scene(
         done = count
 
     finite = np.nan_to_num(vertices, nan=0.0, posinf=0.0, neginf=0.0)  # no triangle that is kept has the others
-    tracer = intersector(finite, reached.triangles, progress)
+    tracer = make_intersector(intersector, finite, reached.triangles, slender, progress)
     traced = prepare_scene(reached, patches, normalisation, tracer, settings, d_max)
     return BuiltScene(traced, normalisation, d_max)
 

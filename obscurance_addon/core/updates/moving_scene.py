@@ -8,7 +8,16 @@ import numpy as np
 
 from ..scene import Cells, Normalisation, Surfaces
 from ..settings import BakeSettings
-from ..tracing import MISS, Intersector, Layer, LayeredIntersector, TracedScene, limit_and_scale, needs_palette
+from ..tracing import (
+    MISS,
+    Intersector,
+    Layer,
+    LayeredIntersector,
+    TracedScene,
+    limit_and_scale,
+    make_intersector,
+    needs_palette,
+)
 from .object_state import ObjectState
 
 IntersectorMaker = Callable[[np.ndarray, np.ndarray, Callable[[int], None]], Intersector]
@@ -120,7 +129,9 @@ class MovingScene:
         )
         finite = np.nan_to_num(np.concatenate(vertices), nan=0.0, posinf=0.0, neginf=0.0)  # no usable one has others
         ids = np.concatenate([state.first + state.usable for state in states]).astype(np.int32)
-        return Layer(self._intersector(finite, triangles, _ignore), ids, [state.box for state in states])
+        slender = np.concatenate([state.slender for state in states])
+        tracer = make_intersector(self._intersector, finite, triangles, slender, _ignore)
+        return Layer(tracer, ids, [state.box for state in states])
 
 
 def _ignore(_triangles: int) -> None:

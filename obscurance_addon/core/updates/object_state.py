@@ -45,6 +45,8 @@ class ObjectState:
     ----------
     usable : ndarray, (k,) int
         Its triangles that can be traced.
+    slender : ndarray, (k,) bool
+        Those of them that are traced in pieces.
     box : ndarray, (2, 3) float64
         Around these, normalised.
     cells : Cells
@@ -71,7 +73,8 @@ class ObjectState:
         self.source, self.key, self.row = source, key, row
         surfaces, patches = source.surfaces, source.patches
         vertices = normalisation.apply(surfaces.vertices)
-        self.usable = np.flatnonzero(usable_triangles(vertices, surfaces.triangles))
+        usable, slender = usable_triangles(vertices, surfaces.triangles)
+        self.usable, self.slender = np.flatnonzero(usable), slender[usable]
         self.box = _grown(_box_around(vertices[surfaces.triangles[self.usable]]))
         self.is_solid = bool(surfaces.solid[self.usable].any())
         self.cells = prepare_cells(patches, normalisation, threads=0)

@@ -10,6 +10,7 @@ from obscurance_addon.core.lightmap.adaptive import STRIDES, AdaptiveTexels, Ban
 from obscurance_addon.core.lightmap.obscurances import TexelTracer
 from obscurance_addon.core.lightmap.settings import LightmapSettings
 from obscurance_addon.core.lightmap.texels import covered_texels
+from obscurance_addon.core.scene.reflectance import LUMINANCE, scattering_mean, surface_sums
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.build import build_scene
 from obscurance_addon.core.tracing.samples import BLOCK_RAYS
@@ -32,15 +33,17 @@ def contact():
 
 
 def tracer_of(s, settings):
+    """What traces the values of a white layer, and all texels."""
     traced, _, _ = build_scene(s.scene.surfaces, s.scene.patches, settings)
     texels = covered_texels(s.triangles(), s.size, 0, (0, s.size))
-    return TexelTracer(traced, settings, np.zeros(3, bool), lambda _: None, BLOCK_RAYS), texels
+    white = scattering_mean(surface_sums(s.scene.surfaces)[4:]) @ LUMINANCE
+    return TexelTracer(traced, settings, np.zeros(3, bool), lambda _: None, BLOCK_RAYS, white), texels
 
 
-def interpolated(s, settings, error_bound=BOUND, open_value=0.5):
+def interpolated(s, settings, error_bound=BOUND):
     """The page as a band: what is interpolated of it, and what is traced sparsely."""
     tracer, texels = tracer_of(s, settings)
-    return AdaptiveTexels(tracer, np.full(3, open_value), error_bound).interpolate(texels, (0, s.size))
+    return AdaptiveTexels(tracer, np.ones(3), error_bound).interpolate(texels, (0, s.size))
 
 
 def between(band):
@@ -60,8 +63,8 @@ def test_interpolated_values_are_within_the_error_bound(falloff, error_bound):
     exact = values_at(reference, s.texels())
     errors, masks = [], []
     for seed in range(6):
-        band = interpolated(s, replace(settings, seed=seed), error_bound, reference.r_ave)
-        errors.append((band.values[:, :3] + band.values[:, 3:] * reference.r_ave) / reference.r_ave - exact)
+        band = interpolated(s, replace(settings, seed=seed), error_bound)
+        errors.append(band.values[:, :3] + band.values[:, 3:] - exact)
         masks.append(band.between & ~band.known)
     always = np.all(masks, axis=0)
     assert np.count_nonzero(always) > 0.4 * len(always)

@@ -75,6 +75,7 @@ def assert_equals_full_bake(bake: IncrementalBake, settings: BakeSettings, **kw:
     objects = bake.objects
     full = full_bake(objects, settings, bake.held, **kw)
     np.testing.assert_array_equal(bake.r_ave, full.r_ave)
+    np.testing.assert_array_equal(bake.scattering, full.scattering)
     white = full.white
     first = 0
     for key, source in objects.items():

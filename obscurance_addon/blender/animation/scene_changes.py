@@ -5,13 +5,14 @@ that a bake reads of it differs from what was read last:
 - where it is, its evaluated mesh, and the unmodified face that each evaluated one comes from,
 - its unmodified mesh, whose faces receive the values,
 - how its faces look: their reflectance and emission, however materials, images and attributes make them,
+- its Ray Visibility: whether it occludes, and whether others see its colour,
 - its name, which picks its rays, and its mesh data-block, on which values are written.
 
 Arrays decide, never the depsgraph's word alone: Cycles without persistent data reports all there is at every frame. But
 not all arrays are read at every look. An object is read again when the depsgraph evaluated it or its mesh since, or
-when it has another name, mesh or materials. All objects are when a material, node tree, image or texture was evaluated,
-when pixels were changed, of which Blender tells nobody (looked for after an animation that plays has stopped), when
-another depsgraph is looked at, in renders, and after an undo.
+when it has another name, mesh, materials or Ray Visibility. All objects are when a material, node tree, image or
+texture was evaluated, when pixels were changed, of which Blender tells nobody (looked for after an animation that plays
+has stopped), when another depsgraph is looked at, in renders, and after an undo.
 
 What is written is no part of this: `refresh_values` makes results anew that were removed, renamed or retyped.
 """
@@ -28,11 +29,12 @@ from ...core.notes import Notes
 from ...core.order import BakedObject, Change, MeshArrays, ObjectSnapshot, SceneSnapshot, shade
 from ...core.scene import same_numbers
 from ..materials import PixelWatch
-from ..reading import SceneReader, instance_key, materials_of, tie
+from ..reading import SceneReader, instance_key, materials_of, ray_visibility, tie
 from .surroundings import is_playing
 
 # Kinds of data whose change may change how any object looks.
 _LOOKS = (bpy.types.Material, bpy.types.NodeTree, bpy.types.Image, bpy.types.Texture)
+_PLAIN = ("name", "data_uid", "materials", "occludes", "gives_color")
 _SHAPE = [field.name for field in fields(MeshArrays) if field.name not in {"uv", "uv_map"}]
 
 
@@ -120,7 +122,7 @@ class SceneChanges:
 
     def _look(self, reader: SceneReader, instance: bpy.types.DepsgraphObjectInstance, old: Change | None) -> Change:
         """An instance as it is now; `old` itself if it did not change."""
-        if old is not None and not self._must_read(instance.object, old.snapshot):
+        if old is not None and not self._must_read(instance, old.snapshot):
             matrix = np.array(instance.matrix_world, np.float64)
             return old if same_numbers(matrix, old.snapshot.matrix) else _at(old, matrix)
         snapshot, original = reader.read(instance), instance.object.original
@@ -130,12 +132,14 @@ class SceneChanges:
             new = Change(new.baked.snapshot, new.baked)
         return new if old is None else _with_what_stayed(new, old)
 
-    def _must_read(self, ob: bpy.types.Object, old: ObjectSnapshot) -> bool:
+    def _must_read(self, instance: bpy.types.DepsgraphObjectInstance, old: ObjectSnapshot) -> bool:
+        ob = instance.object
         data_uid = ob.original.data.session_uid
         uids = {ob.original.session_uid, data_uid}
         return (
             self._all
             or (ob.name, data_uid) != (old.name, old.data_uid)
+            or ray_visibility(instance) != (old.occludes, old.gives_color)
             or not uids.isdisjoint(self._evaluated)
             or (not uids.isdisjoint(self._shaded) and materials_of(ob) != old.materials)
         )
@@ -158,7 +162,7 @@ def _with_what_stayed(new: Change, old: Change) -> Change:
         after = replace(after, surface=before.surface, shadings=before.shadings)
     baked = new.baked and BakedObject(after, _base_that_stayed(new.baked, old.baked, after), new.baked.session_uid)
     stayed &= (baked and baked.base) is (old.baked and old.baked.base)
-    if stayed and all(getattr(after, name) == getattr(before, name) for name in ("name", "data_uid", "materials")):
+    if stayed and all(getattr(after, name) == getattr(before, name) for name in _PLAIN):
         return old if same_numbers(after.matrix, before.matrix) else _at(old, after.matrix)
     return Change(after, baked)
 

@@ -6,7 +6,7 @@ In go a context and the objects to bake. Out comes a snapshot of plain arrays, w
 from .left_out import Reason, note_refused, nothing_to_bake, shape_reason
 from .meshes import read_attribute, read_face_start, same_faces
 from .object_mode import ObjectModeGuard, in_object_mode
-from .objects import SOLID_TYPES, SceneReader, instance_key, materials_of
+from .objects import SOLID_TYPES, SceneReader, instance_key, materials_of, ray_visibility
 from .scene import snapshot_scene
 from .ties import tie
 from .visibility import rendered_meshes
@@ -21,6 +21,7 @@ __all__ = [
     "materials_of",
     "note_refused",
     "nothing_to_bake",
+    "ray_visibility",
     "read_attribute",
     "read_face_start",
     "rendered_meshes",

@@ -95,6 +95,7 @@ class SceneReader:
                 self._surfaces[surface_key] = read_surface(made.mesh, shadings, self.baked_layers)
         matrix = np.array(instance.matrix_world, np.float64)
         surface = self._surfaces[surface_key]
+        occludes, gives_color = ray_visibility(instance)
         return ObjectSnapshot(
             instance_key(instance),
             ob.name,
@@ -104,6 +105,8 @@ class SceneReader:
             surface,
             materials_of(ob),
             ob.original.data.session_uid,
+            occludes,
+            gives_color,
         )
 
     def _evaluated(self, ob: bpy.types.Object, shadings: list[Shading]) -> AbstractContextManager[EvaluatedMesh]:
@@ -217,6 +220,16 @@ def instance_key(instance: bpy.types.DepsgraphObjectInstance) -> Hashable:
     if not instance.is_instance:
         return uid
     return instance.parent.original.session_uid, uid, tuple(instance.persistent_id)
+
+
+def ray_visibility(instance: bpy.types.DepsgraphObjectInstance) -> tuple[bool, bool]:
+    """Whether an object or instance throws shadows, and whether diffuse rays see it, in Cycles and so here.
+
+    Cycles takes both flags from the object that is instanced and from the one that shows the instance. Its ambient
+    occlusion asks shadow rays.
+    """
+    owners = [instance.object, instance.parent] if instance.is_instance else [instance.object]
+    return all(ob.visible_shadow for ob in owners), all(ob.visible_diffuse for ob in owners)
 
 
 def unread_results(ob: bpy.types.Object, shadings: Iterable[Shading]) -> set[str]:

@@ -15,7 +15,15 @@ from ..monitor import Monitor
 from ..notes import named
 from ..obscurance import error_sample, half_difference, obscurances_in
 from ..sampling import allocate_rays
-from ..scene import Patches, Surfaces, fill_invalid, mean_reflectance, prepare_cells
+from ..scene import (
+    Normalisation,
+    Patches,
+    Surfaces,
+    fill_invalid,
+    mean_reflectance,
+    prepare_cells,
+    usable_triangles,
+)
 from ..settings import BakeSettings
 from ..tracing import BLOCK_RAYS, BuiltScene, EmbreeIntersector, Intersector, build_scene
 from .direct import LitScene
@@ -76,7 +84,7 @@ def bake_light(
         )
     began = time.perf_counter()
     bare = build_scene(surfaces, patches, settings, monitor, intersector, whole=True)
-    scene = lit_scene(bare, patches.with_others(others), sources, settings)
+    scene = lit_scene(bare, surfaces, patches.with_others(others), sources, settings)
     built = time.perf_counter()
     obscurances = None
     if quantity in _WITH_AMBIENT:
@@ -86,7 +94,7 @@ def bake_light(
             patches.ids,
             settings,
             neighbours=neighbours,
-            patch_reflectance=materials.reflectance[:n_baked],
+            patch_reflectance=materials.seen_reflectance()[:n_baked],
             monitor=monitor,
             block_rays=block_rays,
         )
@@ -123,7 +131,7 @@ def bake_light(
         exposed=exposed,
         r_ave=obscurances.r_ave
         if obscurances
-        else mean_reflectance(surfaces, lit.whole_area[:n_baked], exposed, materials.reflectance[:n_baked]),
+        else mean_reflectance(surfaces, lit.whole_area[:n_baked], exposed, materials.seen_reflectance()[:n_baked]),
         d_max=bare.d_max,
         rays=sum(part.rays for part in parts),
         error_rays=sum(part.error_rays for part in parts),
@@ -135,14 +143,28 @@ def bake_light(
     )
 
 
-def lit_scene(scene: BuiltScene, patches: Patches, sources: LightSources, settings: BakeSettings) -> LitScene:
+def lit_scene(
+    scene: BuiltScene, surfaces: Surfaces, patches: Patches, sources: LightSources, settings: BakeSettings
+) -> LitScene:
     """The traced scene with rays leaving all patches, and its light in normalised coordinates."""
     traced, normalisation = scene.traced, scene.normalisation
     cells = prepare_cells(patches, normalisation, settings.thread_count())
+    unmet = _unmet_emitters(surfaces, normalisation)
     emission = traced.surfaces.emission
-    emitters = None if emission is None or not (emission > 0.0).any() else EmissiveTriangles(traced.surfaces)
+    shines = emission is not None and (unmet is not None or (emission > 0.0).any())
+    emitters = EmissiveTriangles(traced.surfaces, unmet) if shines else None
     lamps = tuple(lamp.normalised(normalisation) for lamp in sources.lamps)
     return LitScene(replace(traced, cells=cells), patches.ids, lamps, emitters, np.asarray(sources.world, np.float64))
+
+
+def _unmet_emitters(surfaces: Surfaces, normalisation: Normalisation) -> Surfaces | None:
+    """The triangles that shine although no ray meets them, normalised; None where there is none."""
+    if surfaces.occludes is None or surfaces.emission is None:
+        return None
+    unmet = np.flatnonzero(~surfaces.occludes & (surfaces.emission > 0.0).any(1))
+    vertices = normalisation.apply(surfaces.vertices)
+    unmet = unmet[usable_triangles(vertices, surfaces.triangles[unmet])[0]]
+    return surfaces.only(unmet, vertices) if len(unmet) else None
 
 
 def _sum_up(lit: LitPatches, indirect: IndirectLight | None, light: LightSettings) -> tuple[np.ndarray, np.ndarray]:

@@ -25,16 +25,25 @@ class EmissiveTriangles:
     ----------
     surfaces : Surfaces
         In normalised coordinates, in the order in which the intersector numbers triangles; with `emission`.
+    unmet : Surfaces, optional
+        Triangles that shine although no ray meets them.
     """
 
     name = "emissive faces"
     casts_shadow = True
 
-    def __init__(self, surfaces: Surfaces) -> None:
-        radiance = surfaces.emission / np.float32(np.pi)
+    def __init__(self, surfaces: Surfaces, unmet: Surfaces | None = None) -> None:
+        parts = [surfaces] if unmet is None else [surfaces, unmet]
+        radiance = np.concatenate([part.emission for part in parts]) / np.float32(np.pi)
         brightness = radiance @ LUMINANCE
         shining = np.flatnonzero(brightness > 0.0)
-        corners = surfaces.vertices[surfaces.triangles[shining]].astype(np.float32)
+        n_met = len(surfaces.triangles)
+        self._is_met = shining < n_met
+        met = surfaces.triangles[shining[self._is_met]]
+        corners = surfaces.vertices[met].astype(np.float32)
+        if unmet is not None:
+            of_unmet = unmet.triangles[shining[~self._is_met] - n_met]
+            corners = np.concatenate([corners, unmet.vertices[of_unmet].astype(np.float32)])
         edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         normal = np.cross(edge1, edge2)
         double_area = np.linalg.norm(normal, axis=1)
@@ -43,14 +52,15 @@ class EmissiveTriangles:
         self._corner, self._edge1, self._edge2 = corners[:, 0], edge1, edge2
         self._normal = normal / np.maximum(double_area, TINY)[:, None]
         self._offset = OFFSET * np.abs(corners).max((1, 2))
-        self._solid = surfaces.solid[shining]
+        solid = np.concatenate([part.solid for part in parts])
+        self._solid = solid[shining]
         self._radiance = radiance[shining]
         self._ends = ascending_ends(np.zeros(len(shining), np.int64), power / max(total, float(TINY)))
         # Density of a point on each triangle by area, for all triangles of the scene: 0 where nothing shines.
         self._radiance_of = np.concatenate([np.zeros((1, 3), np.float32), radiance])
         self._density_of = np.concatenate([[0.0], brightness / max(total, float(TINY))]).astype(np.float32)
         self._density = self._density_of[shining + 1]
-        self._solid_of = np.concatenate([[False], surfaces.solid])
+        self._solid_of = np.concatenate([[False], solid])
 
     def sample(self, points: np.ndarray, normals: np.ndarray, unit: np.ndarray) -> LampSamples:
         """Points on emitters, chosen by power, weighed against the rays that could meet them too."""
@@ -69,7 +79,8 @@ class EmissiveTriangles:
         cosine = np.einsum("ij,ij->i", direction, normals)
         seen = (facing > 0.0) & (cosine > 0.0)
         by_point = self._density[picked] * square / np.where(seen, facing, 1.0)  # densities by solid angle
-        weight = np.where(seen, _power_heuristic(by_point, cosine / np.pi) / by_point, 0.0)
+        by_ray = np.where(self._is_met[picked], cosine / np.pi, 0.0)
+        weight = np.where(seen, _power_heuristic(by_point, by_ray) / by_point, 0.0)
         received = weight[:, None].astype(np.float32) * self._radiance[picked]
         return LampSamples(direction, distance, received)
 

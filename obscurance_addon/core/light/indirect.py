@@ -120,7 +120,7 @@ class _Passed:
 
 def _pass_on(lit: LitPatches, settings: BakeSettings, light: LightSettings, monitor: Monitor) -> _Passed:
     """Let the most important reflectors shoot what they scatter, and keep the books of what is unshot."""
-    reflectance, area, n_baked = lit.materials.reflectance, lit.area, len(lit.sample)
+    reflectance, area, n_baked = lit.materials.reflectance, lit.materials.given(lit.area), len(lit.sample)
     unshot, unshot_again = lit.unshot, lit.unshot_filled()
     reflectors = choose_reflectors(lit.scene.traced.cells, unshot, area, reflectance, light.reflectors)
     if reflectors is None:
@@ -166,12 +166,13 @@ def _ambient(
     light: LightSettings,
 ) -> AmbientLight:
     """The ambient light once `left` (3,) W of the scattered direct light is unshot."""
-    area = lit.area.sum()
+    areas = lit.materials.given(lit.area)
+    area = areas.sum()
     if not area > 0.0:
         return AmbientLight(np.zeros(3), r_ave, 0.0, settings.use_bleeding)
-    openness = float(np.clip(1.0 - lit.area @ lit.direct.hit_share / area, 0.0, 1.0))
+    openness = float(np.clip(1.0 - areas @ lit.direct.hit_share / area, 0.0, 1.0))
     if light.ambient is Ambient.EMISSION:
-        scattered = lit.area @ lit.unshot
+        scattered = areas @ lit.unshot
         share = np.where(scattered > 0.0, left / np.where(scattered > 0.0, scattered, 1.0), 1.0)
         irradiance = ambient_from_emission(emitted, area, r_ave) * share
     else:

@@ -85,7 +85,9 @@ def light_up_faces(
         scene,
         reflectance,
         emission,
-        mean_reflectance(surfaces, lit.whole_area[:n_faces], lit.direct.valid[:n_faces], reflectance),
+        mean_reflectance(
+            surfaces, lit.whole_area[:n_faces], lit.direct.valid[:n_faces], materials.seen_reflectance()[:n_faces]
+        ),
         light_warnings(lit, emitted, light),
         rays=lit.rays,
         error_rays=lit.error_rays,

@@ -55,7 +55,9 @@ class LitPatches:
 
     def emitted(self, sources: LightSources) -> np.ndarray:
         """What surfaces and lamps emit, (3,) W."""
-        return self.whole_area @ self.materials.emission + sum(lamp.flux() for lamp in sources.lamps)
+        return self.whole_area @ self.materials.given(self.materials.emission) + sum(
+            lamp.flux() for lamp in sources.lamps
+        )
 
     def unshot_filled(self) -> np.ndarray:
         """`unshot_again` with `unshot` where there is none, (p, 3) float64."""

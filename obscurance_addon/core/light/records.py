@@ -35,10 +35,21 @@ class PatchMaterials:
     reflectance : ndarray, (p, 3) float64
     emission : ndarray, (p, 3) float64
         Radiant exitance, W/m^2.
+    gives : ndarray, (p,) bool, or None
+        False for patches whose colour and light nothing else sees; None where all is seen.
     """
 
     reflectance: np.ndarray
     emission: np.ndarray
+    gives: np.ndarray | None = None
+
+    def given(self, values: np.ndarray) -> np.ndarray:
+        """Values (p, ...) of patches, 0 where nothing else sees them."""
+        return values if self.gives is None else (values.T * self.gives).T
+
+    def seen_reflectance(self) -> np.ndarray:
+        """`reflectance`, NaN where nothing else sees it."""
+        return self.reflectance if self.gives is None else np.where(self.gives[:, None], self.reflectance, np.nan)
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,7 @@ def bake_light_map(
     triangles = layout.triangles(lightmap.size, bare.normalisation)
     for_texels = texel_settings(settings, lightmap, triangles.texels())
     settings = replace(for_texels, threads=settings.threads)
-    scene = lit_scene(bare, patches.with_others(others), sources, settings)
+    scene = lit_scene(bare, surfaces, patches.with_others(others), sources, settings)
     built = time.perf_counter()
     scale = bare.normalisation.scale
     faces = light_up_faces(scene, surfaces, n_faces, materials, sources, scale, settings, light, monitor)

@@ -12,7 +12,7 @@ from ..notes import Notes
 from ..scene import Patches, Surfaces, solid_triangles
 from ..shading import shade_faces
 from .output import Target
-from .patch_parts import PatchPart, WorldObject, baked_part, other_part, unbaked_faces
+from .patch_parts import PatchPart, WorldObject, baked_part, other_part, seen_reflectance, unbaked_faces
 from .snapshot import ObjectSnapshot, SceneSnapshot
 
 MAX_TRIANGLES = 60_000_000  # about 12 GiB in the ray tracer; instances count each time
@@ -102,6 +102,7 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
         materials=PatchMaterials(
             np.concatenate([part.reflectance for part in everything]),
             np.concatenate([part.emission for part in everything]),
+            _given(objects, owners, everything),
         ),
         neighbours=(
             np.concatenate([part.element_patch_of_node + first for part, first in zip(parts, starts, strict=False)]),
@@ -137,6 +138,14 @@ def material_slots(ob: ObjectSnapshot) -> np.ndarray:
     return np.clip(ob.mesh.face_material, 0, max(slots - 1, 0))  # beyond the slots the last one counts, as in Cycles
 
 
+def _given(objects: list[ObjectSnapshot], owners: list[int], parts: list[PatchPart]) -> np.ndarray | None:
+    """`PatchMaterials.gives`."""
+    if all(ob.gives_color for ob in objects):
+        return None
+    owned = zip(owners, parts, strict=True)
+    return np.concatenate([np.full(len(part.ids), objects[owner].gives_color) for owner, part in owned])
+
+
 def _join_patches(parts: list[PatchPart]) -> Patches:
     if not parts:
         return Patches.none()
@@ -167,19 +176,25 @@ def _join_surfaces(
     pairs = zip(worlds, vertex_starts, strict=False)
     patch = np.full(triangle_starts[-1], -1, np.int32)
     for owner, of_face, first in zip(owners, face_patches, first_patch, strict=False):
+        if not objects[owner].gives_color:
+            continue
         of_triangle = of_face[objects[owner].mesh.triangle_face]
         known = np.flatnonzero(of_triangle >= 0)
         patch[triangle_starts[owner] + known] = of_triangle[known] + first
     return Surfaces(
         vertices=np.concatenate([world.vertices for world in worlds]),
         triangles=np.concatenate([world.triangles + np.int32(first) for world, first in pairs]),
-        reflectance=np.concatenate(
-            [world.reflectance[ob.mesh.triangle_face] for ob, world in zip(objects, worlds, strict=True)]
-        ),
+        reflectance=np.concatenate([seen_reflectance(*pair) for pair in zip(objects, worlds, strict=True)]),
         solid=np.concatenate(solid),
         object_starts=triangle_starts[:-1],
         emission=np.concatenate(
-            [world.emission[ob.mesh.triangle_face] for ob, world in zip(objects, worlds, strict=True)]
+            [
+                world.emission[ob.mesh.triangle_face] * np.float32(ob.gives_color)
+                for ob, world in zip(objects, worlds, strict=True)
+            ]
         ),
         patch=patch,
+        occludes=None
+        if all(ob.occludes for ob in objects)
+        else np.concatenate([np.full(len(ob.mesh.triangle_corners), ob.occludes) for ob in objects]),
     )

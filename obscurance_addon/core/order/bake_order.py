@@ -135,7 +135,7 @@ class BakeOrder:
                 arrays.surfaces,
                 arrays.patches,
                 self.settings,
-                patch_reflectance=arrays.materials.reflectance,
+                patch_reflectance=arrays.materials.seen_reflectance(),
                 **common,
             )
         values, rmse = self._scaled(result)
@@ -199,7 +199,7 @@ class BakeOrder:
                 self.settings,
                 self.lightmap,
                 white=self.output.scale is Scale.WHITE,
-                patch_reflectance=arrays.materials.reflectance,
+                patch_reflectance=arrays.materials.seen_reflectance(),
                 **common,
             )
         report = BakeReport(

@@ -9,7 +9,7 @@ import numpy as np
 from ..scene import Patches, SceneObject, Surfaces, solid_triangles
 from .arrays import shade
 from .output import Target
-from .patch_parts import WorldObject, baked_part
+from .patch_parts import WorldObject, baked_part, seen_reflectance
 from .snapshot import BakedObject, MeshArrays, ObjectSnapshot
 
 
@@ -39,7 +39,7 @@ class ObjectArrays:
             SceneObject(
                 self._surfaces(baked.snapshot, world, part.face_patch),
                 Patches(part.cells, part.patch, part.ids),
-                part.reflectance,
+                part.reflectance if baked.snapshot.gives_color else np.full_like(part.reflectance, np.nan),
                 (part.element_patch_of_node, part.node),
             ),
             part.element_patch,
@@ -54,9 +54,10 @@ class ObjectArrays:
         return Surfaces(
             vertices=world.vertices,
             triangles=world.triangles,
-            reflectance=world.reflectance[ob.mesh.triangle_face],
+            reflectance=seen_reflectance(ob, world),
             solid=self._solid_triangles(ob.mesh),
             patch=None if face_patch is None else face_patch[ob.mesh.triangle_face].astype(np.int32),
+            occludes=None if ob.occludes else np.zeros(len(ob.mesh.triangle_corners), bool),
         )
 
     def _solid_triangles(self, mesh: MeshArrays) -> np.ndarray:

@@ -42,6 +42,12 @@ class WorldObject:
         return lost if lost and not triangle_areas(self.vertices[self.triangles]).all() else 0
 
 
+def seen_reflectance(ob: ObjectSnapshot, world: WorldObject) -> np.ndarray:
+    """Reflectance (t, 3) of triangles as others see them, NaN where they do not."""
+    seen = world.reflectance[ob.mesh.triangle_face]
+    return seen if ob.gives_color else np.full_like(seen, np.nan)
+
+
 @dataclass(frozen=True)
 class PatchPart:
     """The patches of one object; indices count from its own first patch."""

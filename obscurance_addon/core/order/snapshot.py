@@ -64,6 +64,8 @@ class ObjectSnapshot:
     surface: SurfaceArrays
     materials: tuple[int, ...] = ()  # session uids, one for each material slot
     data_uid: int = 0  # of the mesh before modifiers
+    occludes: bool = True  # whether it throws shadows: else no ray meets it
+    gives_color: bool = True  # whether others see its color and its light: else it occludes at most
 
 
 @dataclass(frozen=True)

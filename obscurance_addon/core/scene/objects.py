@@ -21,7 +21,7 @@ class SceneObject:
     patches : Patches
         May be none.
     reflectance : ndarray, (p, 3) float
-        Mean reflectance of each patch.
+        Mean reflectance of each patch; NaN where nothing sees its colour.
     neighbours : tuple of two ndarray (m,) int, or None
         Pairs (patch, node) as `bake_obscurances` takes them.
     """
@@ -34,14 +34,14 @@ class SceneObject:
     def has_shape_of(self, other: SceneObject) -> bool:
         """Whether the two differ in nothing but colours."""
         mine, others = (
-            (s.vertices, s.triangles, s.solid, p.corners, p.patch, p.ids, *(neighbours or ()))
+            (s.vertices, s.triangles, s.solid, occluding(s), p.corners, p.patch, p.ids, *(neighbours or ()))
             for s, p, neighbours in ((o.surfaces, o.patches, o.neighbours) for o in (self, other))
         )
         return len(mine) == len(others) and all(map(same_numbers, mine, others))
 
     def has_colours_of(self, other: SceneObject) -> bool:
         """Whether every triangle and every patch of the two reflects alike."""
-        return np.array_equal(self.surfaces.reflectance, other.surfaces.reflectance) and np.array_equal(
+        return same_numbers(self.surfaces.reflectance, other.surfaces.reflectance) and same_numbers(
             self.reflectance, other.reflectance
         )
 
@@ -84,6 +84,9 @@ def join_objects(objects: Iterable[SceneObject]) -> JoinedObjects:
             np.concatenate([np.zeros((0, 3), np.float32), *(s.reflectance for s in surfaces)]),
             np.concatenate([np.zeros(0, bool), *(s.solid for s in surfaces)]),
             _starts(len(s.triangles) for s in surfaces)[:-1],
+            occludes=np.concatenate([np.zeros(0, bool), *map(occluding, surfaces)])
+            if any(s.occludes is not None for s in surfaces)
+            else None,
         ),
         Patches(
             np.concatenate([np.zeros((0, 3, 3)), *(p.corners for p in patches)]),
@@ -93,6 +96,11 @@ def join_objects(objects: Iterable[SceneObject]) -> JoinedObjects:
         np.concatenate([np.zeros((0, 3)), *(o.reflectance for o in objects)]),
         tuple(map(np.concatenate, zip(*neighbours, strict=True))) if neighbours else None,
     )
+
+
+def occluding(surfaces: Surfaces) -> np.ndarray:
+    """(t,) bool: the triangles that rays meet."""
+    return np.ones(len(surfaces.triangles), bool) if surfaces.occludes is None else surfaces.occludes
 
 
 def _starts(counts: Iterable[int]) -> np.ndarray:

@@ -40,7 +40,8 @@ class Surfaces:
         World positions in metres.
     triangles : ndarray, (t, 3) int32
     reflectance : ndarray, (t, 3) float32
-        Diffuse reflectance per RGB channel in linear colour, 0 .. 1.
+        Diffuse reflectance per RGB channel in linear colour, 0 .. 1; NaN for triangles whose colour nothing sees, which
+        R_ave leaves out.
     solid : ndarray, (t,) bool
         Triangles of closed solids seen from outside (`core.scene.solids.solid_triangles`).
     object_starts : ndarray, (o,) int
@@ -49,6 +50,8 @@ class Surfaces:
         Emitted radiant exitance, W/m^2; only light needs it.
     patch : ndarray, (t,) int32, or None
         The patch of which each triangle is a part, -1 for none; only radiosity needs it.
+    occludes : ndarray, (t,) bool, or None
+        False for triangles that no ray meets, although they may shine and count in R_ave; None where all occlude.
     """
 
     vertices: np.ndarray
@@ -58,12 +61,17 @@ class Surfaces:
     object_starts: np.ndarray = field(default_factory=lambda: np.zeros(1, np.int64))
     emission: np.ndarray | None = None
     patch: np.ndarray | None = None
+    occludes: np.ndarray | None = None
 
     def only(self, kept: np.ndarray, vertices: np.ndarray) -> Surfaces:
         """Some of the triangles (k,) int, with other positions (v, 3) of all vertices; objects are not told apart."""
-        emission, patch = (None if values is None else values[kept] for values in (self.emission, self.patch))
+        rest = {name: getattr(self, name) for name in ("emission", "patch", "occludes")}
         return Surfaces(
-            vertices, self.triangles[kept], self.reflectance[kept], self.solid[kept], emission=emission, patch=patch
+            vertices,
+            self.triangles[kept],
+            self.reflectance[kept],
+            self.solid[kept],
+            **{name: None if values is None else values[kept] for name, values in rest.items()},
         )
 
 

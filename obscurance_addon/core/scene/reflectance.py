@@ -24,7 +24,7 @@ def mean_reflectance(
     exposed : ndarray, (p,) float64
         Share of each patch outside of solids, 0 .. 1.
     patch_reflectance : ndarray, (p, 3) float, or None
-        None leaves nothing out.
+        NaN for patches whose colour nothing sees. None leaves nothing out.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def surface_sums(surfaces: Surfaces) -> np.ndarray:
     for part in slices(len(triangles)):
         area[part] = triangle_areas(surfaces.vertices[triangles[part]])
     area[~np.isfinite(area)] = 0.0
-    reflectance = surfaces.reflectance.astype(np.float64)
+    area, reflectance = _seen(area, surfaces.reflectance.astype(np.float64))
     square = (reflectance @ LUMINANCE) ** 2
     scattering = area * (square / (square + HALF_SCATTERING**2))
     return np.concatenate([[area.sum()], area @ reflectance, [scattering.sum()], scattering @ reflectance])
@@ -58,8 +58,14 @@ def surface_sums(surfaces: Surfaces) -> np.ndarray:
 
 def hidden_sums(patch_area: np.ndarray, exposed: np.ndarray, patch_reflectance: np.ndarray) -> np.ndarray:
     """Sums of area, and of area times reflectance, of what is hidden inside of solids, (4,) float64."""
-    hidden = patch_area * (1.0 - exposed)
-    return np.append(hidden.sum(), hidden @ patch_reflectance)
+    hidden, reflectance = _seen(patch_area * (1.0 - exposed), np.asarray(patch_reflectance, np.float64))
+    return np.append(hidden.sum(), hidden @ reflectance)
+
+
+def _seen(area: np.ndarray, reflectance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Areas (n,) and reflectances (n, 3) without those that are NaN."""
+    unseen = np.isnan(reflectance).any(1)
+    return (area[~unseen], reflectance[~unseen]) if unseen.any() else (area, reflectance)
 
 
 def mean_of_sums(sums: np.ndarray, hidden: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from .layers import Layer, LayeredIntersector, nothing
 from .reach import SceneSize, scene_size
 from .samples import BLOCK_RAYS, TABLE_ROWS, PatchSamples, scramble_of
 from .splitting import make_intersector
-from .traced_scene import FAR, NEAR, TracedScene, limit_and_scale, needs_palette
+from .traced_scene import FAR, NEAR, TracedScene, limit_and_scale, needs_palette, palette_colours
 
 __all__ = [
     "BLOCK_RAYS",
@@ -39,6 +39,7 @@ __all__ = [
     "meet_doubled_faces",
     "needs_palette",
     "nothing",
+    "palette_colours",
     "pass_doubled_faces",
     "reach_of",
     "scene_size",

@@ -89,6 +89,8 @@ def build_scene(
     normalisation, d_max = held.normalisation, held.d_max
     kept = np.arange(len(surfaces.triangles)) if whole else _triangles_in_reach(surfaces, patches, d_max)
     vertices = normalisation.apply(surfaces.vertices)
+    if surfaces.occludes is not None:
+        kept = kept[surfaces.occludes[kept]]
     usable, slender = usable_triangles(vertices, surfaces.triangles[kept])
     kept, slender = kept[usable], slender[usable]
     reached = surfaces.only(kept, vertices)

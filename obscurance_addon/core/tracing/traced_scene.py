@@ -76,7 +76,7 @@ def prepare_scene(
     palette = None
     if needs_palette(settings):
         palette = np.zeros((len(surfaces.triangles) + 1, 4), np.float32)
-        palette[1:, :3] = surfaces.reflectance
+        palette[1:, :3] = palette_colours(surfaces)
         palette[1:, 3] = 1.0
     solid = np.concatenate([[False], surfaces.solid]) if surfaces.solid.any() else None
     limit, scale = limit_and_scale(d_max, normalisation)
@@ -95,6 +95,11 @@ def prepare_scene(
 def needs_palette(settings: BakeSettings) -> bool:
     """Whether the colour of a hit counts: a STEP hit adds nothing, whatever its colour."""
     return settings.use_bleeding and settings.falloff is not Falloff.STEP
+
+
+def palette_colours(surfaces: Surfaces) -> np.ndarray:
+    """Colours (t, 3) float32 of hits on each triangle: black where nothing sees it."""
+    return np.nan_to_num(surfaces.reflectance, nan=0.0)
 
 
 def limit_and_scale(d_max: float, normalisation: Normalisation) -> tuple[np.float32, np.float32]:

@@ -17,6 +17,7 @@ from ..tracing import (
     limit_and_scale,
     make_intersector,
     needs_palette,
+    palette_colours,
 )
 from .object_state import ObjectState
 
@@ -114,7 +115,7 @@ class MovingScene:
         for state in states:
             surfaces = state.source.surfaces
             own = slice(state.first + 1, state.first + 1 + len(surfaces.triangles))
-            self._palette[own, :3], self._solid[own] = surfaces.reflectance, surfaces.solid
+            self._palette[own, :3], self._solid[own] = palette_colours(surfaces), surfaces.solid
             self._owner[own] = state.row
 
     def _layer(self, states: list[ObjectState]) -> Layer | None:

@@ -74,6 +74,8 @@ class ObjectState:
         surfaces, patches = source.surfaces, source.patches
         vertices = normalisation.apply(surfaces.vertices)
         usable, slender = usable_triangles(vertices, surfaces.triangles)
+        if surfaces.occludes is not None:
+            usable &= surfaces.occludes
         self.usable, self.slender = np.flatnonzero(usable), slender[usable]
         self.box = _grown(_box_around(vertices[surfaces.triangles[self.usable]]))
         self.is_solid = bool(surfaces.solid[self.usable].any())

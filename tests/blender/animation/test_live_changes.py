@@ -231,3 +231,21 @@ def test_modifiers_over_a_shape_that_changes(room, empty_scene, monkeypatch, kin
             at(frame)
             assert_as_baked_anew(room.values())
     assert not any(report.full for report in reports)
+
+
+@pytest.mark.parametrize("flag", ["visible_shadow", "visible_diffuse"])
+@pytest.mark.parametrize("name", ["Mover", "Wall"])
+def test_ray_visibility_is_followed(preview, monkeypatch, name, flag):
+    """Switched off and on again by the user, then by keys; nothing is baked while it stays."""
+    before = colors(preview["Floor"]).copy()
+    for frame, value in ((2, False), (3, True)):
+        setattr(preview[name], flag, value)
+        at(frame)
+        assert_as_baked_anew(preview.values())
+        assert np.array_equal(colors(preview["Floor"]), before) == value
+    for frame, value in ((4, True), (5, False), (8, True)):
+        key(preview[name], frame, flag, value)
+    for frame in (5, 6, 8):
+        at(frame)
+        assert_as_baked_anew(preview.values())
+    assert idle(monkeypatch) == [0, 0, 0]

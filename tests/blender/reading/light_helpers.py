@@ -64,6 +64,21 @@ def diffuse(
 
 def cycles_direct(ob: bpy.types.Object, samples: int = CYCLES_SAMPLES) -> np.ndarray:
     """Cycles' direct diffuse bake at the face corners of an object, (c, 3): outgoing radiance."""
+    return _cycles_bake(ob, samples, type="DIFFUSE", pass_filter={"DIRECT", "COLOR"})
+
+
+def cycles_ao_on_faces(ob: bpy.types.Object, distance: float, samples: int = CYCLES_SAMPLES) -> np.ndarray:
+    """Cycles' ambient occlusion up to a distance: the mean over the corners of each face, (f,)."""
+    world = bpy.context.scene.world or bpy.data.worlds.new("World")
+    bpy.context.scene.world, world.light_settings.distance = world, distance
+    corners = _cycles_bake(ob, samples, type="AO")[:, 0]
+    return np.add.reduceat(corners, [face.loop_start for face in ob.data.polygons]) / [
+        len(face.vertices) for face in ob.data.polygons
+    ]
+
+
+def _cycles_bake(ob: bpy.types.Object, samples: int, **what: object) -> np.ndarray:
+    """A bake by Cycles at the face corners of an object, (c, 3)."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.use_denoising, scene.cycles.samples = "CPU", False, samples
@@ -75,7 +90,7 @@ def cycles_direct(ob: bpy.types.Object, samples: int = CYCLES_SAMPLES) -> np.nda
     for other in bpy.context.view_layer.objects:
         other.select_set(other == ob)
     bpy.context.view_layer.objects.active = ob
-    bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT", "COLOR"}, target="VERTEX_COLORS")
+    bpy.ops.object.bake(target="VERTEX_COLORS", **what)
     return read(mesh, LAYER)[:, :3].astype(np.float64)
 
 

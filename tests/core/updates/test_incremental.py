@@ -219,3 +219,26 @@ def test_what_hides_the_inside_of_a_solid_from_afar():
         bake.update({"lid": scene_object(meshes["lid"].moved(offset=(0, 0, z)), baked=False)})
         assert_equals_full_bake(bake, SETTINGS)
         assert bake.values("floor").valid.any() == (z < 1.0)
+
+
+@pytest.mark.parametrize("falloff", [Falloff.SQRT, Falloff.STEP])
+@pytest.mark.parametrize("key", ["room", "crate", "ball", "decal"])
+def test_what_rays_meet_and_what_they_see_changes(key, falloff):
+    """An object stops to occlude, or its colour is no longer seen, and back; then others move."""
+    settings = replace(SETTINGS, falloff=falloff)
+    meshes, bake = start(settings, ["other", "ball"])
+    first_id = 1000 * list(meshes).index(key)
+    plain = scene_object(meshes[key], first_id)
+    n = len(plain.surfaces.triangles)
+    unmet = replace(plain, surfaces=replace(plain.surfaces, occludes=np.zeros(n, bool)))
+    nan = np.full((n, 3), np.nan, np.float32)
+    unseen = replace(
+        plain,
+        surfaces=replace(plain.surfaces, reflectance=nan),
+        reflectance=np.full_like(plain.reflectance, np.nan),
+    )
+    for changed in (unmet, plain, unseen, unmet, unseen, plain, unmet):
+        bake.update({key: changed})
+        assert_equals_full_bake(bake, settings)
+        assert bake.update({key: replace(changed)}).patches == 0
+    wander(meshes, bake, settings, [other for other in ("other", "ball") if other != key], 3, np.random.default_rng(3))

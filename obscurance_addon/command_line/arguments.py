@@ -63,6 +63,11 @@ def parse(arguments: list[str]) -> argparse.Namespace:
     )
     bake.add_argument("--scale", choices=["WHITE", "PAPER"])
     bake.add_argument("--shared-meshes", choices=["SEPARATE", "AVERAGE"])
+    bake.add_argument(
+        "--modifiers",
+        choices=["VIEWPORT", "RENDER"],
+        help="bake modifiers and levels as shown, or as they render",
+    )
     bake.add_argument("--sampler", choices=[s.value for s in Sampler])
     bake.add_argument("--seed", type=int, metavar="N")
     bake.add_argument("--threads", type=int, metavar="N", help="0 for all processors")
@@ -87,6 +92,8 @@ def parse(arguments: list[str]) -> argparse.Namespace:
         bake.error("--frame-cache and --export are of animations: give --frames too")
     if options.frames is not None and options.target == Target.LIGHTMAP:
         bake.error("--frames bakes attributes: give another --target than LIGHTMAP")
+    if options.frames is not None and options.modifiers == "RENDER":
+        bake.error("--frames bakes what the viewport shows: leave out --modifiers, and set levels alike in both")
     if len(options.scenes) > 1 and (options.frame_cache or options.export):
         bake.error("--frame-cache and --export take one scene")
     try:
@@ -202,6 +209,11 @@ def lightmap_changes(options: argparse.Namespace) -> dict:
     """Lightmap settings given as options, by name."""
     names = ("size", "texels_per_metre", "uv_mode", "unwrapper", "uv_map", "margin", "adaptive", "error_bound")
     return _given(options, *names)
+
+
+def modifier_changes(options: argparse.Namespace) -> dict:
+    """Which modifiers are baked, if given as an option."""
+    return _given(options, "modifiers")
 
 
 def _given(options: argparse.Namespace, *names: str) -> dict:

@@ -20,7 +20,14 @@ from ..core.lightmap import LightmapSettings
 from ..core.notes import named
 from ..core.order import OutputSettings, Target
 from ..core.settings import BakeSettings
-from .arguments import estimator_changes, light_changes, lightmap_changes, output_changes, parse
+from .arguments import (
+    estimator_changes,
+    light_changes,
+    lightmap_changes,
+    modifier_changes,
+    output_changes,
+    parse,
+)
 from .process import end_on_interrupt
 from .report import finite, lightmap_settings, peak_memory, write_report
 from .targets import frame_cache, outputs
@@ -98,6 +105,7 @@ class _Asked:
     output: OutputSettings
     light: LightSettings
     lightmap: LightmapSettings
+    modifiers: str  # of `blender.reading.Modifiers`, which needs bpy
 
     @classmethod
     def of(cls, scene, options: argparse.Namespace) -> _Asked:
@@ -109,13 +117,14 @@ class _Asked:
             group.to_output(**output_changes(options)),
             group.to_light(**light_changes(options)),
             group.to_lightmap(**lightmap_changes(options)),
+            group.to_modifiers(**modifier_changes(options)),
         )
 
     def described(self) -> dict:
         """All settings by name."""
         parts = (self.settings, self.output, self.light)
         values = {name: value for part in parts for name, value in dataclasses.asdict(part).items()}
-        return values | lightmap_settings(self.lightmap)
+        return values | lightmap_settings(self.lightmap) | {"modifiers": str(self.modifiers)}
 
 
 def _open_bake_save(file: _File) -> dict:
@@ -192,7 +201,9 @@ def _bake_once(context, objects: list, asked: _Asked, file: _File) -> tuple[dict
     """Bake the scene as it is; the entry of the report, and a line for the terminal."""
     from ..blender.jobs import BakeJob
 
-    job = BakeJob(context, objects, asked.settings, asked.output, asked.light, asked.lightmap)
+    job = BakeJob(
+        context, objects, asked.settings, asked.output, asked.light, asked.lightmap, modifiers=asked.modifiers
+    )
     report = job.run(on_step=file.say.progress)
     file.written.extend(report.lightmap.files if report.lightmap else [])
     traced = report.seconds["trace"] + report.seconds.get("light", 0.0)

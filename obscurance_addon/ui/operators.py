@@ -140,6 +140,7 @@ class OBSCURANCE_OT_bake(Reports, bpy.types.Operator):
             group.to_light(quantity=self.quantity),
             group.to_lightmap(),
             in_child,
+            modifiers=group.to_modifiers(),
         )
 
     def _fail(self, context: bpy.types.Context, error: BaseException) -> set[str]:

@@ -26,6 +26,7 @@ def draw_settings(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup)
     row = layout.row()
     row.active = settings.quantity in {"OBSCURANCE", "AMBIENT", "COMBINED"}
     row.prop(settings, "use_bleeding")
+    layout.prop(settings, "modifiers")
 
     column = layout.column()
     column.label(text="How Far")

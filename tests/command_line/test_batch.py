@@ -231,7 +231,7 @@ def test_options_win_over_the_settings_of_the_file(scene, tmp_path):
     arguments += " --sampler RANDOM --seed 3 --threads 2 --shared-meshes AVERAGE"
     arguments += " --quantity AMBIENT --ambient EMISSION --reflectors 7 --indirect-only --exposure -2"
     arguments += " --size 512 --texels-per-metre 20 --uv-mode KEEP --unwrapper XATLAS --uv-map Own"
-    arguments += " --margin 4 --no-adaptive --error-bound 0.25 --image a.png --image-format PNG_8"
+    arguments += " --margin 4 --no-adaptive --error-bound 0.25 --image a.png --image-format PNG_8 --modifiers RENDER"
     assert run(scene, *arguments.split(), "--report", report) == 0
     settings = json.loads(report.read_text())["files"][0]["settings"]
     assert settings == {
@@ -263,6 +263,7 @@ def test_options_win_over_the_settings_of_the_file(scene, tmp_path):
         "error_bound": 0.25,
         "image_path": "a.png",
         "image_format": "PNG_8",
+        "modifiers": "RENDER",
     }
     attribute = load(scene)["Floor"].data.attributes["Shade"]
     assert (attribute.data_type, attribute.domain) == ("FLOAT_COLOR", "POINT")

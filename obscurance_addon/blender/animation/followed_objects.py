@@ -19,10 +19,11 @@ def preview_objects(context: bpy.types.Context, attribute_name: str) -> list[bpy
 
 def objects_over_time(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Mesh objects with faces that render now, or are animated, so that they may render later."""
-    now = {ob.session_uid for ob in rendered_meshes(context)}
+    layer = context.view_layer
+    now = {ob.session_uid for ob in rendered_meshes(context) if ob.visible_get(view_layer=layer)}
     return [
         ob
-        for ob in context.view_layer.objects
+        for ob in layer.objects
         if ob.type == "MESH" and len(ob.data.polygons) and (ob.session_uid in now or is_animated(ob))
     ]
 

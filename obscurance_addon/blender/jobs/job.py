@@ -14,6 +14,7 @@ from __future__ import annotations
 import time
 import weakref
 from collections.abc import Callable, Iterable
+from contextlib import nullcontext
 from dataclasses import replace
 
 import bpy
@@ -35,7 +36,7 @@ from ...core.order import (
 )
 from ...core.settings import BakeSettings
 from ...core.tracing import IntersectorCache
-from ..reading import Reason, note_refused, nothing_to_bake, shape_reason, snapshot_scene
+from ..reading import Modifiers, Reason, as_rendered, note_refused, nothing_to_bake, shape_reason, snapshot_scene
 from ..stored_preferences import cache_ceiling_bytes
 from ..writing import check_path, color_attribute, records, uv_layer, write_lightmap, write_values
 
@@ -77,7 +78,9 @@ class BakeJob:
         Have a child process carry it out, so that a window answers meanwhile; else a thread of this process does while
         `step` waits.
     depsgraph : bpy.types.Depsgraph, optional
-        As for `snapshot_scene`.
+        As for `snapshot_scene`. With it, what is hidden in the viewport does not count.
+    modifiers : Modifiers
+        Whether to bake modifiers, and levels of subdivision, as in renders; with `depsgraph` they are as it has them.
 
     Raises
     ------
@@ -95,6 +98,7 @@ class BakeJob:
         lightmap: LightmapSettings | None = None,
         in_child: bool = False,
         depsgraph: bpy.types.Depsgraph | None = None,
+        modifiers: Modifiers = Modifiers.VIEWPORT,
     ) -> None:
         began = time.perf_counter()
         light = light or LightSettings()
@@ -105,15 +109,16 @@ class BakeJob:
         refused = Notes()
         writable = writable_objects(context, objects, refused, depsgraph)
         check_destination(writable, output, lightmap)
-        self.snapshot = snapshot = snapshot_scene(
-            context,
-            writable,
-            needs_rest=output.needs_rest,
-            baked_layers=output.layer_names(),
-            needs_light=light.needs_light,
-            lightmap=lightmap,
-            depsgraph=depsgraph,
-        )
+        with as_rendered(context, modifiers) if depsgraph is None else nullcontext():
+            self.snapshot = snapshot = snapshot_scene(
+                context,
+                writable,
+                needs_rest=output.needs_rest,
+                baked_layers=output.layer_names(),
+                needs_light=light.needs_light,
+                lightmap=lightmap,
+                depsgraph=depsgraph,
+            )
         self._metres_per_unit = context.scene.unit_settings.scale_length
         self._warnings = refused.lines() + snapshot.notes
         self.order = BakeOrder(snapshot, settings, light, output, lightmap, self._metres_per_unit)

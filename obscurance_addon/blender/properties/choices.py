@@ -8,6 +8,7 @@ from ...core.lightmap import Unwrapper, UvMode
 from ...core.order import ImageFormat, Scale, SharedMeshes, Target
 from ...core.settings import Sampler
 from ...core.updates import UpdateMode
+from ..reading import Modifiers
 from ..writing import ExportFormat
 
 
@@ -78,6 +79,10 @@ SCALES = _items(
 SHARED = _items(
     (SharedMeshes.SEPARATE, "Separate", "Each object that shares a mesh gets a copy of its own"),
     (SharedMeshes.AVERAGE, "Average", "The mesh stays shared and takes the mean of its objects"),
+)
+MODIFIERS = _items(
+    (Modifiers.VIEWPORT, "Viewport", "Bake modifiers, levels of subdivision and hair as the viewport shows them"),
+    (Modifiers.RENDER, "Render", "Bake them as they render, also what is switched off in the viewport"),
 )
 SAMPLERS = _items(
     (Sampler.SOBOL, "Sobol", "Rays follow scrambled Sobol points, which leave far less noise for the same number"),

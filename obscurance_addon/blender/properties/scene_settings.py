@@ -12,6 +12,7 @@ from ...core.light import MAX_REFLECTORS, LightSettings
 from ...core.lightmap import MAX_ERROR_BOUND, MAX_MARGIN, MAX_SIZE, MIN_ERROR_BOUND, MIN_SIZE, LightmapSettings
 from ...core.order import MAX_EXPOSURE, OutputSettings
 from ...core.settings import MAX_RAYS_PER_PATCH, MAX_THREADS, BakeSettings
+from ..reading import Modifiers
 from ..stored_preferences import preferred_threads
 from . import choices
 from .options import FIXED, KEYABLE, RELATIVE_PATH
@@ -221,6 +222,12 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
         items=choices.SHARED,
         options=FIXED,
     )
+    modifiers: EnumProperty(
+        name="Modifiers",
+        description="Choose which modifiers, and which of their levels, are baked. Live Preview follows the viewport",
+        items=choices.MODIFIERS,
+        options=FIXED,
+    )
     sampler: EnumProperty(
         name="Sampler",
         description="Choose where rays start and go",
@@ -277,6 +284,10 @@ class ObscuranceSettings(PreviewProperties, bpy.types.PropertyGroup):
                 setattr(self, name, values[name])
             else:
                 self.property_unset(name)
+
+    def to_modifiers(self, **changes: object) -> Modifiers:
+        """Which modifiers are baked, unless changed."""
+        return Modifiers(changes.get("modifiers", self.modifiers))
 
     def to_output(self, **changes: object) -> OutputSettings:
         """Where the result goes, with some settings changed."""

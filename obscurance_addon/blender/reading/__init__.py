@@ -3,6 +3,7 @@
 In go a context and the objects to bake. Out comes a snapshot of plain arrays, with notes about what was left out.
 """
 
+from .as_rendered import Modifiers, as_rendered
 from .left_out import Reason, note_refused, nothing_to_bake, shape_reason
 from .meshes import read_attribute, read_face_start, same_faces
 from .object_mode import ObjectModeGuard, in_object_mode
@@ -13,9 +14,11 @@ from .visibility import rendered_meshes
 
 __all__ = [
     "SOLID_TYPES",
+    "Modifiers",
     "ObjectModeGuard",
     "Reason",
     "SceneReader",
+    "as_rendered",
     "in_object_mode",
     "instance_key",
     "materials_of",

@@ -15,12 +15,14 @@ from ...core.notes import Notes
 from ...core.order import MeshArrays, ObjectSnapshot
 from ...core.shading import Shading, SurfaceArrays
 from ..materials import ImageCache, node_tree_of, read_surface, snapshot_material
+from .as_rendered import renders_otherwise
 from .lights import LightReader, read_world
 from .meshes import read_mesh
 from .origins import EvaluatedMesh, carried_mesh, evaluated_mesh, may_change_topology
 from .visibility import rendered_members, rendered_objects, shown_objects
 
 _SHOW = "show them there, or hide them from renders too"
+_AS_RENDERED = "choose Modifiers: Render (--modifiers RENDER), or give them the same settings in both"
 SOLID_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 
 
@@ -71,6 +73,7 @@ class SceneReader:
         self._materials: dict[int, Shading] = {}
         self._images = ImageCache()
         self._hidden: set[str] = set()
+        self._copied: set[str] = set()  # what does not render itself, but is shown by instances
 
     def read(self, instance: bpy.types.DepsgraphObjectInstance) -> ObjectSnapshot | None:
         """Arrays of one instance, or None when it is not a visible mesh with faces."""
@@ -134,24 +137,21 @@ class SceneReader:
         if not instance.show_self or not isinstance(ob.data, bpy.types.Mesh) or not len(ob.data.polygons):
             return False
         owner = instance.parent if instance.is_instance else ob
-        if not self._renders(ob, owner, instance.is_instance):
+        if not self._renders(instance):
             self._hidden.add(ob.name)
             return False
+        if instance.is_instance and ob.hide_render:
+            self._copied.add(ob.name)
         return self._is_visible(owner)
 
     def _is_visible(self, ob: bpy.types.Object) -> bool:
-        """Whether an object, evaluated or not, is visible in the viewport."""
-        return not ob.hide_viewport and ob.original.session_uid in self._shown
+        """Whether an object, evaluated or not, is visible in the viewport; in renders that does not count."""
+        return self._depsgraph.mode == "RENDER" or (not ob.hide_viewport and ob.original.session_uid in self._shown)
 
     def _read_light(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
         ob = instance.object
         owner = instance.parent if instance.is_instance else ob
-        if (
-            self._lights is not None
-            and instance.show_self
-            and self._renders(ob, owner, instance.is_instance)
-            and self._is_visible(owner)
-        ):
+        if self._lights is not None and instance.show_self and self._renders(instance) and self._is_visible(owner):
             self._lights.read(ob, np.array(instance.matrix_world, np.float64))
 
     def light_sources(self) -> LightSources:
@@ -174,13 +174,21 @@ class SceneReader:
             self._materials[key] = snapshot_material(material, self.notes, self._images)
         return self._materials[key]
 
-    def _renders(self, ob: bpy.types.Object, owner: bpy.types.Object, is_instance: bool) -> bool:
-        """Whether an object, or its instance by an owner, shows up in renders."""
-        if ob.hide_render or owner.hide_render or owner.original.session_uid not in self._rendered:
+    def _renders(self, instance: bpy.types.DepsgraphObjectInstance) -> bool:
+        """Whether an object, or its instance by another one, shows up in renders.
+
+        Particles and nodes show copies of an object that does not render itself, which is the usual way to keep it out
+        of the picture; instances of a collection, and on faces and vertices, do not.
+        """
+        ob = instance.object
+        owner = instance.parent if instance.is_instance else ob
+        if owner.hide_render or owner.original.session_uid not in self._rendered:
             return False
-        if is_instance:
-            return ob.original.session_uid not in self._hidden_members(owner.original)
-        return not ob.is_instancer or ob.show_instancer_for_render
+        if not instance.is_instance:
+            return not ob.is_instancer or ob.show_instancer_for_render
+        if owner.instance_type == "NONE" or instance.particle_system is not None:
+            return True
+        return not ob.hide_render and ob.original.session_uid not in self._hidden_members(owner.original)
 
     def _hidden_members(self, owner: bpy.types.Object) -> set[int]:
         """Session uids of objects that an instance of a collection shows in the viewport, but not in renders."""
@@ -193,8 +201,8 @@ class SceneReader:
         return self._members[uid]
 
     def note_hidden(self) -> None:
-        """Name what does not count although a user may expect it to."""
-        unseen, dark = set(), set()
+        """Name what does not count, or not as it renders, although a user may expect it to."""
+        unseen, dark, otherwise = set(), set(), set()
         for ob in self._scene.collection.all_objects:
             is_light = ob.type == "LIGHT" and self._lights is not None
             if is_light and not ob.hide_render and ob.session_uid in self._rendered and not self._is_visible(ob):
@@ -205,10 +213,13 @@ class SceneReader:
                 self._hidden.add(ob.name)
             elif not self._is_visible(ob):
                 unseen.add(ob.name)
+            elif self._depsgraph.mode != "RENDER" and renders_otherwise(self._scene, ob):
+                otherwise.add(ob.name)
         for names, what, cure in (
-            (self._hidden, "hidden from renders, so they do not occlude", ""),
+            (self._hidden - self._copied, "hidden from renders, so they do not occlude", ""),
             (dark, "hidden in the viewport, so they do not light although they render", _SHOW),
             (unseen, "hidden in the viewport, so they do not occlude although they render", _SHOW),
+            (otherwise, "baked as the viewport shows them, while renders use other modifiers or levels", _AS_RENDERED),
         ):
             if names:
                 self.notes.add(what, *names, cure=cure)

@@ -8,16 +8,12 @@ import bpy
 
 
 def rendered_meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Mesh objects with faces that are visible in the viewport and in renders."""
+    """Mesh objects with faces that are visible in renders, whether the viewport shows them or not."""
     rendered = rendered_objects(context.view_layer.layer_collection)
     return [
         ob
         for ob in context.view_layer.objects
-        if ob.type == "MESH"
-        and len(ob.data.polygons)
-        and ob.visible_get(view_layer=context.view_layer)
-        and not ob.hide_render
-        and ob.session_uid in rendered
+        if ob.type == "MESH" and len(ob.data.polygons) and not ob.hide_render and ob.session_uid in rendered
     ]
 
 

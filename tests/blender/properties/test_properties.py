@@ -5,6 +5,7 @@ import math
 import bpy
 import pytest
 
+from obscurance_addon.blender.reading.as_rendered import Modifiers
 from obscurance_addon.core.errors import SettingsError
 from obscurance_addon.core.falloff import Falloff
 from obscurance_addon.core.light.settings import Ambient, LightSettings, Quantity
@@ -19,6 +20,7 @@ OTHER = {
     "falloff": "LINEAR",
     "use_bleeding": False,
     "scale": "PAPER",
+    "modifiers": "RENDER",
     "sampler": "RANDOM",
     "seed": 7,
     "threads": 3,
@@ -114,6 +116,7 @@ def test_every_setting_reaches_the_core(group):
     assert group.to_light() == LightSettings(
         quantity=Quantity.RADIOSITY, ambient=Ambient.EMISSION, reflectors=16, indirect_only=True
     )
+    assert group.to_modifiers() is Modifiers.RENDER
 
 
 def test_every_choice_of_the_core_can_be_made(group):
@@ -128,6 +131,7 @@ def test_every_choice_of_the_core_can_be_made(group):
         ("ambient", Ambient),
         ("uv_mode", UvMode),
         ("unwrapper", Unwrapper),
+        ("modifiers", Modifiers),
         ("image_format", ImageFormat),
     ):
         items = group.bl_rna.properties[name].enum_items

@@ -4,6 +4,7 @@ import bpy
 import pytest
 
 from obscurance_addon.blender.reading.left_out import shape_reason
+from obscurance_addon.blender.reading.scene import snapshot_scene
 from obscurance_addon.blender.reading.visibility import rendered_meshes
 from obscurance_addon.core.errors import ObscuranceError
 from tests.blender.helpers import bake, cube, floor, job, new_object, notes_about, select
@@ -96,10 +97,7 @@ CASES = {
     only_by_modifiers: ("'Skin'", "apply the modifiers"),
     lambda: in_a_collection(exclude=True): ("'Kept'", "excluded from the view layer", "tick the collection"),
     lambda: in_a_collection(hide_render=True): ("'Kept'", "collections hidden from renders", "camera icon"),
-    lambda: in_a_collection(hide_viewport=True): ("'Kept'", "collections hidden in the viewport", "eye and monitor"),
     hidden_from_renders: ("'Kept'", "hidden from renders", "camera icon"),
-    disabled_in_viewports: ("'Kept'", "disabled in viewports", "monitor icon"),
-    hidden_in_the_viewport: ("'Kept'", "hidden in the viewport", "Show Hidden Objects"),
     lambda: new_object("Wire", [(0, 0, 0), (1, 0, 0)], []): ("'Wire'", "without faces", "Face > Fill"),
     lambda: None: ("no mesh object with faces in scene 'Scene'", "choose or add one"),
 }
@@ -113,6 +111,26 @@ def test_nothing_to_bake_names_objects_and_cure(build):
     with pytest.raises(ObscuranceError, match=r"^there is nothing to bake") as told:
         job(*rendered_meshes(bpy.context))
     assert notes_about([str(told.value)], *CASES[build])
+
+
+HIDDEN = {
+    lambda: in_a_collection(hide_viewport=True): ("'Kept'", "collections hidden in the viewport", "eye and monitor"),
+    disabled_in_viewports: ("'Kept'", "disabled in viewports", "monitor icon"),
+    hidden_in_the_viewport: ("'Kept'", "hidden in the viewport", "Show Hidden Objects"),
+}
+
+
+@pytest.mark.parametrize("build", HIDDEN, ids=[build.__name__ for build in HIDDEN])
+def test_what_follows_the_viewport_says_what_it_hides(build):
+    """A bake shows what renders for as long as it reads; what is given a depsgraph, as Live Preview is, cannot."""
+    build()
+    bpy.context.view_layer.update()
+    meshes = rendered_meshes(bpy.context)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    with pytest.raises(ObscuranceError, match=r"^there is nothing to bake") as told:
+        snapshot_scene(bpy.context, meshes, depsgraph=depsgraph)
+    assert notes_about([str(told.value)], *HIDDEN[build])
+    assert bake(*meshes).objects == ["Kept"]
 
 
 def test_the_button_says_the_same():

@@ -8,6 +8,7 @@ import pytest
 from mathutils import Matrix
 
 from obscurance_addon.blender.reading.scene import snapshot_scene
+from obscurance_addon.blender.reading.visibility import rendered_meshes
 from obscurance_addon.core.errors import GeometryError, ObscuranceError
 from obscurance_addon.core.order.arrays import prepare_arrays
 from obscurance_addon.core.order.output import Target
@@ -18,7 +19,9 @@ from tests.blender.helpers import (
     arrays,
     bake,
     baked,
+    colors,
     cube,
+    file_state,
     floor,
     job,
     layer_collection,
@@ -353,9 +356,35 @@ def by_collection(_ob):
     bpy.context.view_layer.layer_collection.children["Off"].hide_viewport = True
 
 
-@pytest.mark.parametrize("hide", [by_eye, by_monitor, by_collection])
-def test_objects_hidden_in_the_viewport_are_named_in_a_note_of_their_own(hide):
-    """They do not occlude although they render, which is another trap than not rendering."""
+def by_the_monitor_of_a_collection(_ob):
+    layer_collection("Off").collection.hide_viewport = True
+
+
+HIDE_IN_VIEWPORT = [by_eye, by_monitor, by_collection, by_the_monitor_of_a_collection]
+
+
+@pytest.mark.parametrize("hide", HIDE_IN_VIEWPORT)
+def test_what_the_viewport_hides_occludes_where_it_renders(hide):
+    """A bake reads the scene as it renders, and leaves all as it was."""
+    ob = floor()
+    ceiling = floor("Ceiling", z=0.1, collection=new_collection("Off"))
+    bpy.context.view_layer.update()
+    shown = baked(ob)
+    hide(ceiling)
+    before = file_state(["Obscurance", "Obscurance Color"])
+    report = bake(ob)
+    assert np.array_equal(colors(ob), shown)
+    assert report.warnings == []
+    assert file_state(["Obscurance", "Obscurance Color"]) == before
+    assert not ceiling.visible_get()
+    ceiling.hide_render = True
+    assert notes_about(bake(ob).warnings, "hidden from renders", "'Ceiling'")
+    assert np.allclose(colors(ob), 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("hide", HIDE_IN_VIEWPORT)
+def test_what_the_viewport_hides_is_noted_where_nothing_may_be_evaluated(hide):
+    """As in Live Preview: it does not occlude although it renders, which is another trap than not rendering."""
     ob = floor()
     ceiling = floor("Ceiling", z=0.1, collection=new_collection("Off"))
     hide(ceiling)
@@ -363,6 +392,90 @@ def test_objects_hidden_in_the_viewport_are_named_in_a_note_of_their_own(hide):
     assert taken.occluders == []
     assert notes_about(taken.notes, "hidden in the viewport", "although they render", "'Ceiling'")
     assert not notes_about(taken.notes, "hidden from renders")
+
+
+def test_what_the_viewport_hides_of_an_instanced_collection_occludes():
+    """The members of a collection that is not in the scene itself."""
+    ob = floor()
+    assets = new_collection("Assets", linked=False)
+    thing = floor("Thing", z=0.1, collection=assets)
+    empty = bpy.data.objects.new("Instance", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", assets
+    bpy.context.scene.collection.objects.link(empty)
+    shown = baked(ob)
+    assert shown.max() < 0.9
+    thing.hide_viewport = True
+    assert np.array_equal(baked(ob), shown)
+    assert thing.hide_viewport
+
+
+def test_what_the_viewport_hides_can_be_baked():
+    """The command line bakes all that renders."""
+    ob = floor()
+    ob.hide_set(True)
+    assert rendered_meshes(bpy.context) == [ob]
+    assert bake(*rendered_meshes(bpy.context)).objects == ["Floor"]
+    assert ob.hide_get()
+
+
+def test_a_bake_that_fails_leaves_all_hidden():
+    ob, other = floor(), floor("Other")
+    ob.hide_render = True
+    other.hide_set(True)
+    with pytest.raises(GeometryError, match="nothing to bake"):
+        job(ob)
+    assert other.hide_get()
+
+
+def on_particles(thing):
+    emitter = floor("Emitter", size=0.1, z=2.0)
+    emitter.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    system = emitter.particle_systems[0].settings
+    system.type, system.count, system.render_type, system.instance_object = "HAIR", 3, "OBJECT", thing
+
+
+def on_points(thing):
+    tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    points, copies, end, source = (
+        tree.nodes.new(f"GeometryNode{kind}") if kind != "NodeGroupOutput" else tree.nodes.new(kind)
+        for kind in ("Points", "InstanceOnPoints", "NodeGroupOutput", "ObjectInfo")
+    )
+    points.inputs["Count"].default_value = 3
+    source.inputs["Object"].default_value = thing
+    source.inputs["As Instance"].default_value = True
+    tree.links.new(points.outputs[0], copies.inputs["Points"])
+    tree.links.new(source.outputs["Geometry"], copies.inputs["Instance"])
+    tree.links.new(copies.outputs[0], end.inputs[0])
+    floor("Scatterer", size=0.1).modifiers.new("Scatter", "NODES").node_group = tree
+
+
+def on_faces(thing):
+    owner = floor("Owner", n=2, z=1.0)
+    owner.instance_type, thing.parent = "FACES", owner
+
+
+def in_a_collection(thing):
+    assets = new_collection("Assets", linked=False)
+    assets.objects.link(thing)
+    empty = bpy.data.objects.new("Instance", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", assets
+    bpy.context.scene.collection.objects.link(empty)
+
+
+@pytest.mark.parametrize(
+    ("instance", "copies"), [(on_particles, 3), (on_points, 3), (on_faces, 0), (in_a_collection, 0)]
+)
+def test_copies_of_what_does_not_render_itself(instance, copies):
+    """Cycles renders those by particles and nodes, not those by faces and collections; measured in 4.5."""
+    ob = floor()
+    thing = cube("Thing", half=0.1)
+    instance(thing)
+    assert len(occluders(ob)["Thing"]) > 1
+    thing.hide_render = True
+    taken = snapshot(ob)
+    assert [part.name for part in taken.occluders].count("Thing") == copies
+    assert bool(notes_about(taken.notes, "hidden from renders", "'Thing'")) == (copies == 0)
 
 
 def test_nothing_hidden_no_note():

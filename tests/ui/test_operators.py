@@ -295,8 +295,8 @@ def test_only_what_has_a_surface_is_taken_from_the_selection(scene, monkeypatch)
         ob.select_set(True)
     warnings = []
 
-    def job(*arguments):
-        made = BakeJob(*arguments)
+    def job(*arguments, **keywords):
+        made = BakeJob(*arguments, **keywords)
         warnings.extend(made._warnings)
         return made
 

@@ -147,8 +147,11 @@ class SceneChanges:
 
 def _at(old: Change, matrix: np.ndarray) -> Change:
     """The same object elsewhere."""
-    snapshot = replace(old.snapshot, matrix=matrix)
-    return Change(snapshot, None if old.baked is None else replace(old.baked, snapshot=snapshot))
+    snapshot, baked = replace(old.snapshot, matrix=matrix), old.baked
+    if baked is not None:
+        beside = baked.beside and replace(baked.beside, matrix=matrix)
+        baked = replace(baked, snapshot=snapshot, beside=beside)
+    return Change(snapshot, baked)
 
 
 def _with_what_stayed(new: Change, old: Change) -> Change:
@@ -160,8 +163,9 @@ def _with_what_stayed(new: Change, old: Change) -> Change:
         stayed = _same_look(after, before)
     if stayed:
         after = replace(after, surface=before.surface, shadings=before.shadings)
-    baked = new.baked and BakedObject(after, _base_that_stayed(new.baked, old.baked, after), new.baked.session_uid)
+    baked = new.baked and replace(new.baked, snapshot=after, base=_base_that_stayed(new.baked, old.baked, after))
     stayed &= (baked and baked.base) is (old.baked and old.baked.base)
+    stayed &= _same_beside(new.baked and new.baked.beside, old.baked and old.baked.beside)
     if stayed and all(getattr(after, name) == getattr(before, name) for name in _PLAIN):
         return old if same_numbers(after.matrix, before.matrix) else _at(old, after.matrix)
     return Change(after, baked)
@@ -172,6 +176,13 @@ def _base_that_stayed(new: BakedObject, old: BakedObject | None, snapshot: Objec
     if new.base is new.snapshot.mesh:
         return snapshot.mesh
     return old.base if old is not None and _same_shape(new.base, old.base) else new.base
+
+
+def _same_beside(one: ObjectSnapshot | None, other: ObjectSnapshot | None) -> bool:
+    """Whether modifiers make the same beside the unmodified mesh, wherever that is."""
+    if one is None or other is None:
+        return one is other
+    return _same_shape(one.mesh, other.mesh) and _same_look(one, other)
 
 
 def _same_shape(one: MeshArrays, other: MeshArrays) -> bool:

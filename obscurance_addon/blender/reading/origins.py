@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 
 from ...core.order import MeshArrays
+from ...core.scene import connected_components
 from .meshes import read_attribute
 
 # Modifiers that move vertices at most; every other one may change which faces there are.
@@ -24,6 +25,8 @@ _DEFORM_ONLY = {
     "VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY", "VOLUME_DISPLACE", "WARP", "WAVE",
     "WEIGHTED_NORMAL",
 }  # fmt: skip
+
+_NEAR_BASE = 0.1  # of the diagonal of the unmodified mesh: what modifiers make within is that mesh in another form
 
 _FACE_INDEX = "obscurance_face_index"  # above 0, since faces without origin read 0
 _REST_POSITION = "obscurance_rest_position"
@@ -110,6 +113,31 @@ def with_own_origins(mesh: MeshArrays, base: MeshArrays) -> MeshArrays:
     if same and np.array_equal(origin, np.arange(1, n_faces + 1)):
         return replace(mesh, face_origin=None, rest=None)
     return replace(mesh, face_origin=origin)
+
+
+def made_elsewhere(mesh: MeshArrays, base: MeshArrays) -> MeshArrays | None:
+    """The connected parts of an evaluated mesh for which the unmodified one cannot stand; None where there are none.
+
+    It stands for parts within its own box, grown by a little: those that modifiers smooth, bevel or thicken. Others are
+    copies, and shapes that nodes make anew.
+    """
+    low, high = base.positions.min(0), base.positions.max(0)
+    margin = _NEAR_BASE * np.linalg.norm(high - low)
+    within = ((mesh.positions >= low - margin) & (mesh.positions <= high + margin)).all(1)
+    corners = mesh.corner_vertex[mesh.triangle_corners]
+    part = connected_components(len(within), np.concatenate([corners[:, :2], corners[:, 1:]]))
+    is_elsewhere = np.zeros(len(within), bool)
+    is_elsewhere[part[~within]] = True
+    kept = is_elsewhere[part[corners[:, 0]]]
+    if not kept.any():
+        return None
+    return replace(
+        mesh,
+        triangle_corners=mesh.triangle_corners[kept],
+        triangle_face=mesh.triangle_face[kept],
+        face_origin=None,
+        rest=None,
+    )
 
 
 def _has(mesh: bpy.types.Mesh, name: str, domain: str) -> bool:

@@ -12,7 +12,7 @@ from ...core.order import BakedObject, ObjectSnapshot
 from ..materials import read_surface
 from .meshes import read_mesh, same_faces
 from .objects import SceneReader
-from .origins import with_own_origins
+from .origins import made_elsewhere, with_own_origins
 
 
 def tie(ob: bpy.types.Object, snapshot: ObjectSnapshot, reader: SceneReader) -> BakedObject:
@@ -36,7 +36,7 @@ def tie(ob: bpy.types.Object, snapshot: ObjectSnapshot, reader: SceneReader) -> 
         return _with_kept_uv(ob, snapshot, lightmap)
     if snapshot.mesh.face_origin is None and same_faces(ob.data, snapshot.mesh):
         return BakedObject(snapshot, snapshot.mesh, ob.session_uid)
-    base = read_mesh(ob.data)
+    base, beside = read_mesh(ob.data), None
     mesh = with_own_origins(snapshot.mesh, base)
     if mesh.face_origin is None:
         base = mesh
@@ -44,14 +44,17 @@ def tie(ob: bpy.types.Object, snapshot: ObjectSnapshot, reader: SceneReader) -> 
         why, cure = "keep no link to the faces they started from", ""
         if lightmap is not None:
             why, cure = "change which faces there are", ", or keep the UV map of this bake in the next one,"
+        made, where = made_elsewhere(snapshot.mesh, base), ""
+        if made is not None:
+            beside, where = replace(snapshot, mesh=made), ", beside what they make elsewhere"
         reader.notes.add(
-            f"modifiers {why}, so the unmodified mesh was baked",
+            f"modifiers {why}, so the unmodified mesh was baked{where}",
             ob.name,
             cure=f"apply the modifiers{cure} to bake what they make",
         )
         mesh = base
         snapshot = replace(snapshot, surface=read_surface(ob.data, snapshot.shadings, reader.baked_layers))
-    return BakedObject(replace(snapshot, mesh=mesh), base, ob.session_uid)
+    return BakedObject(replace(snapshot, mesh=mesh), base, ob.session_uid, beside)
 
 
 def _with_kept_uv(ob: bpy.types.Object, snapshot: ObjectSnapshot, lightmap: LightmapSettings) -> BakedObject:

@@ -12,7 +12,15 @@ from ..notes import Notes
 from ..scene import Patches, Surfaces, solid_triangles
 from ..shading import shade_faces
 from .output import Target
-from .patch_parts import PatchPart, WorldObject, baked_part, other_part, seen_reflectance, unbaked_faces
+from .patch_parts import (
+    PatchPart,
+    WorldObject,
+    baked_part,
+    faces_with_triangles,
+    other_part,
+    seen_reflectance,
+    unbaked_faces,
+)
 from .snapshot import ObjectSnapshot, SceneSnapshot
 
 MAX_TRIANGLES = 60_000_000  # about 12 GiB in the ray tracer; instances count each time
@@ -67,7 +75,8 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
     GeometryError
         When the scene has more triangles than can be traced.
     """
-    objects = [baked.snapshot for baked in snapshot.baked] + snapshot.occluders
+    beside = [baked.beside for baked in snapshot.baked if baked.beside is not None]
+    objects = [baked.snapshot for baked in snapshot.baked] + beside + snapshot.occluders
     n_triangles = sum(len(ob.mesh.triangle_corners) for ob in objects)
     if n_triangles > MAX_TRIANGLES:
         raise GeometryError(
@@ -87,7 +96,7 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
         _note_shape(ob, world, notes)
     others, owners = [], list(range(len(parts)))  # owners: the object of each part
     for number, (ob, world) in enumerate(zip(objects, worlds, strict=True) if needs_light else ()):
-        faces = unbaked_faces(ob.mesh) if number < len(parts) else np.ones(len(ob.mesh.face_start) - 1, bool)
+        faces = unbaked_faces(ob.mesh) if number < len(parts) else faces_with_triangles(ob.mesh)
         if faces.any():
             others.append(other_part(ob, world, number, faces))
             owners.append(number)

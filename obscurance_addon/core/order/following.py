@@ -128,7 +128,9 @@ class Following:
         update = self._bake.update(objects, monitor)
         for key in self._elements.keys() - self._known.keys():
             del self._elements[key]
-        self._objects.keep(change.snapshot.mesh for change in self._known.values())
+        baked = [change.baked for change in self._known.values() if change.baked is not None]
+        beside = [one.beside.mesh for one in baked if one.beside is not None]
+        self._objects.keep([change.snapshot.mesh for change in self._known.values()] + beside)
         asked = self._elements if rewrite else (update.keys | changes.keys()) & self._elements.keys()
         return self._followed(update, asked)
 

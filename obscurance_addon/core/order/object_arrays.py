@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..scene import Patches, SceneObject, Surfaces, solid_triangles
+from ..scene import Patches, SceneObject, Surfaces, join_objects, solid_triangles
 from .arrays import shade
 from .output import Target
 from .patch_parts import WorldObject, baked_part, seen_reflectance
@@ -35,9 +35,13 @@ class ObjectArrays:
         """An object that receives values, and the patch (n,) int of each element of its unmodified mesh."""
         world = WorldObject.of(baked.snapshot, shade(baked.snapshot))
         part = baked_part(baked, world, self._target)
+        surfaces = self._surfaces(baked.snapshot, world, part.face_patch)
+        if baked.beside is not None:
+            own = SceneObject(surfaces, Patches.none(), np.zeros((0, 3)))
+            surfaces = join_objects([own, self.occluder(baked.beside)]).surfaces
         return (
             SceneObject(
-                self._surfaces(baked.snapshot, world, part.face_patch),
+                surfaces,
                 Patches(part.cells, part.patch, part.ids),
                 part.reflectance if baked.snapshot.gives_color else np.full_like(part.reflectance, np.nan),
                 (part.element_patch_of_node, part.node),

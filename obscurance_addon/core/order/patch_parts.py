@@ -109,6 +109,13 @@ def unbaked_faces(mesh: MeshArrays) -> np.ndarray:
     return np.asarray(mesh.face_origin) <= 0
 
 
+def faces_with_triangles(mesh: MeshArrays) -> np.ndarray:
+    """(f,) bool: faces of which there is anything to hit."""
+    found = np.zeros(len(mesh.face_start) - 1, bool)
+    found[mesh.triangle_face] = True
+    return found
+
+
 def other_part(ob: ObjectSnapshot, world: WorldObject, number: int, faces: np.ndarray) -> PatchPart:
     """Faces (f,) bool of an object that only scatter light; `number` tells instances of one object apart."""
     kept = np.flatnonzero(faces[ob.mesh.triangle_face])

@@ -75,6 +75,7 @@ class BakedObject:
     snapshot: ObjectSnapshot
     base: MeshArrays  # the mesh whose faces, corners or vertices receive the values
     session_uid: int  # of the object, to find it again when the values are written
+    beside: ObjectSnapshot | None = None  # what modifiers make that `snapshot` does not stand for: it occludes
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import pytest
 from obscurance_addon.blender.animation.live_preview import PREVIEW
 from tests.blender.animation.preview_helpers import SETTINGS, assert_as_baked_anew, at, key
 from tests.blender.helpers import FACE_LAYER, bake, colors, material, select
+from tests.blender.reading.test_modifiers import replace_by_a_block
 
 
 def come_and_go(ob):
@@ -150,8 +151,8 @@ def test_results_that_are_gone_are_made_again(preview, rename):
     assert ("Kept" in attributes) == rename
 
 
-def test_a_render_leaves_out_what_is_disabled_in_the_viewport_at_its_frame(room, empty_scene, tmp_path):
-    """As bakes do; the render evaluates it, and the scene's own objects do not show it."""
+def test_a_render_shows_what_the_viewport_hides_at_its_frame(room, empty_scene, tmp_path):
+    """As renders do, and bakes of that frame."""
     for frame, hidden in ((1, True), (2, False), (3, True)):
         key(room["Mover"], frame, "hide_viewport", hidden)
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -172,9 +173,13 @@ def test_a_render_leaves_out_what_is_disabled_in_the_viewport_at_its_frame(room,
     empty_scene.obscurance.live_preview = False
     for frame, values in zip((1, 2, 3), found, strict=True):
         at(frame)
-        bake(*(ob for ob in room.values() if not ob.hide_viewport), **SETTINGS)
+        report = bake(*room.values(), **SETTINGS)
+        assert not report.warnings
         assert np.array_equal(colors(room["Floor"]), values)
-    assert not np.array_equal(found[0], found[1])
+    assert np.array_equal(found[0], found[1])
+    room["Mover"].hide_render = True
+    bake(room["Floor"], **SETTINGS)
+    assert not np.array_equal(colors(room["Floor"]), found[0])
 
 
 def test_a_render_shows_values_of_what_it_renders(room, empty_scene, tmp_path):
@@ -201,3 +206,24 @@ def test_a_render_shows_values_of_what_it_renders(room, empty_scene, tmp_path):
     levels.levels = 2
     bake(*room.values(), **SETTINGS)
     assert np.array_equal(colors(room["Floor"]), found[0])
+
+
+def test_what_nodes_make_elsewhere_is_followed(preview):
+    """A block that nodes make beside what is baked, where it goes with its object, grows, and goes away."""
+    made = replace_by_a_block(preview["Mover"], (0.4, 0.4, 0.4), (0.9, 0.0, 0.2))
+    edits = [
+        lambda: None,
+        lambda: setattr(preview["Mover"].location, "y", 0.5),
+        lambda: setattr(made.inputs["Size"], "default_value", (0.9, 0.5, 0.3)),
+        lambda: setattr(preview["Mover"], "visible_shadow", False),
+        lambda: setattr(preview["Mover"], "visible_shadow", True),
+        lambda: setattr(made.inputs["Size"], "default_value", (0.9, 0.5, 0.6)),
+        lambda: preview["Mover"].modifiers.clear(),
+    ]
+    seen = []
+    for frame, edit in enumerate(edits, 2):
+        edit()
+        at(frame)
+        assert_as_baked_anew(preview.values())
+        seen.append(colors(preview["Floor"]).tobytes())
+    assert len(set(seen)) == len(edits) - 1  # without a shadow and with it again

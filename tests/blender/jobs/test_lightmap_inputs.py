@@ -8,6 +8,8 @@ from obscurance_addon.core.errors import GeometryError, ObscuranceError
 from obscurance_addon.core.lightmap.triangles import AtlasTriangles
 from obscurance_addon.core.scene.patches import Normalisation
 from tests.blender.helpers import (
+    CUBE_FACES,
+    CUBE_VERTICES,
     FACE_LAYER,
     bake,
     colors,
@@ -120,7 +122,30 @@ def mirror(ob):
     ob.modifiers.new("Mirror", "MIRROR").use_axis = (False, False, True)
 
 
-@pytest.mark.parametrize("modify", [subdivide, repeat, mirror])
+def test_what_modifiers_make_elsewhere_occludes():
+    """Copies by an Array: the images are those of the object itself with an object of nothing but the copies."""
+    ob = cube("Thing", half=0.5)
+    ob.location.z = 1.0
+    ground = floor(size=6.0, n=2)
+    vertices = np.array(CUBE_VERTICES) * 0.5
+    copies = new_object(
+        "Copies",
+        np.concatenate([vertices + np.array([x, 0.0, 0.0]) for x in (1.5, 3.0)]),
+        [np.array(face) + first for first in (0, 8) for face in CUBE_FACES],
+    )
+    copies.location.z = 1.0
+    expected = page_of(bake_map(ob, ground)).copy()
+    bpy.data.objects.remove(copies)
+    alone = page_of(bake_map(ob, ground)).copy()
+    modifier = ob.modifiers.new("Array", "ARRAY")
+    modifier.count, modifier.relative_offset_displace = 3, (1.5, 0.0, 0.0)
+    report = bake_map(ob, ground)
+    assert len(notes_about(report.warnings, "'Thing'", "unmodified mesh was baked", "beside what they make")) == 1
+    np.testing.assert_allclose(page_of(report), expected, atol=2e-6)
+    assert np.abs(alone - expected).max() > 0.1
+
+
+@pytest.mark.parametrize("modify", [subdivide, mirror])
 def test_more_faces_by_modifiers_are_baked_without_them_and_said_so(modify):
     """The image is that of the unmodified mesh, bit for bit; the note names object and cure."""
     ob = cube("Thing", half=0.5)

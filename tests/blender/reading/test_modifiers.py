@@ -172,7 +172,7 @@ def test_cutter_faces_belong_to_nobody(cutter_is_modified):
 
 
 @pytest.mark.parametrize("target", CORNERED)
-@pytest.mark.parametrize("depth", [1, 2])
+@pytest.mark.parametrize("depth", [1, 3])
 def test_remeshed_objects_are_baked_unmodified_and_said_so(target, depth):
     """Remesh loses the faces: areas, order and number are those of the unmodified cube, even where it makes six too."""
     ob = cube(half=1.0)
@@ -186,6 +186,37 @@ def test_remeshed_objects_are_baked_unmodified_and_said_so(target, depth):
     report = bake(ob, target=target)
     assert notes_about(report.warnings, "'Cube'", "unmodified mesh was baked")
     assert np.allclose(colors(ob), 1.0, atol=1e-6)
+
+
+def replace_by_a_block(ob, size, at):
+    """Nodes that make a block of their own, whatever the mesh was."""
+    tree = bpy.data.node_groups.new("Block", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    made, moved, end = (
+        tree.nodes.new(kind) for kind in ("GeometryNodeMeshCube", "GeometryNodeTransform", "NodeGroupOutput")
+    )
+    made.inputs["Size"].default_value, moved.inputs["Translation"].default_value = size, at
+    tree.links.new(made.outputs[0], moved.inputs[0])
+    tree.links.new(moved.outputs[0], end.inputs[0])
+    ob.modifiers.new("Nodes", "NODES").node_group = tree
+    return made
+
+
+@pytest.mark.parametrize("target", CORNERED)
+def test_what_nodes_make_elsewhere_occludes_others(target):
+    """A floor below a block that nodes make of a small cube is as dark as below a mesh of that shape."""
+    ground, ob = floor(size=8.0, n=4), cube("Small", half=0.1)
+    ob.location = (-2.0, 0.0, 0.6)
+    replace_by_a_block(ob, (4.0, 0.8, 0.8), (2.0, 0.0, 0.0))
+    report = bake(ground, ob, target=target, distance=2.0)
+    found = colors(ground)
+    assert notes_about(report.warnings, "'Small'", "unmodified mesh was baked", "beside what they make elsewhere")
+    stands = cube("Stands", half=1.0)
+    stands.location, stands.scale = (0.0, 0.0, 0.6), (2.0, 0.4, 0.4)
+    ob.modifiers.clear()
+    expected = baked(ground, target=target, distance=2.0)
+    assert expected.min() < 0.8
+    assert np.allclose(found, expected, atol=1e-5)
 
 
 def test_values_are_averaged_over_the_copies_of_a_face():

@@ -67,6 +67,7 @@ class SceneChanges:
         }
         self.known.update({ob.key: Change(ob, None) for ob in snapshot.occluders})
         self.notes: list[str] = []
+        self._hair: dict[Hashable, list[Hashable]] = {}  # keys of the strands on each instance
         self._pixels = PixelWatch()
         self._evaluated: set[int] = set()
         self._shaded: set[int] = set()
@@ -103,6 +104,11 @@ class SceneChanges:
         now: dict[Hashable, Change] = {}
         changed: dict[Hashable, Change | None] = {}
         for instance in depsgraph.object_instances:
+            for part in self._look_at_hair(reader, instance):
+                key = part.snapshot.key
+                now[key] = part
+                if part is not self.known.get(key):
+                    changed[key] = part
             if not reader.shows(instance):
                 continue
             key = instance_key(instance)
@@ -131,6 +137,21 @@ class SceneChanges:
         if new.baked is not None:
             new = Change(new.baked.snapshot, new.baked)
         return new if old is None else _with_what_stayed(new, old)
+
+    def _look_at_hair(self, reader: SceneReader, instance: bpy.types.DepsgraphObjectInstance) -> list[Change]:
+        """The strands on an instance as they are now: those of before if nothing was evaluated and nothing moved."""
+        if not instance.show_particles:
+            return []
+        owner, matrix = instance_key(instance), np.array(instance.matrix_world, np.float64)
+        before = [self.known[key] for key in self._hair.get(owner, ()) if key in self.known]
+        if before and all(
+            not self._must_read(instance, old.snapshot) and same_numbers(matrix, old.snapshot.matrix) for old in before
+        ):
+            return before
+        found = [Change(part, None) for part in reader.read_hair(instance)]
+        self._hair[owner] = [part.snapshot.key for part in found]
+        known = [self.known.get(part.snapshot.key) for part in found]
+        return [new if old is None else _with_what_stayed(new, old) for new, old in zip(found, known, strict=True)]
 
     def _must_read(self, instance: bpy.types.DepsgraphObjectInstance, old: ObjectSnapshot) -> bool:
         ob = instance.object

@@ -16,6 +16,8 @@ from .nodes import Input, node_tree_of
 from .textures import ImageCache
 from .tree_reader import TreeReader
 
+_DISPLACE = "use a Displace modifier instead, or set Displacement in the material's settings to Bump Only"
+
 
 def snapshot_material(material: bpy.types.Material | None, notes: Notes, images: ImageCache | None = None) -> Shading:
     """Read a material into a form that any thread may evaluate. Main thread only.
@@ -45,5 +47,7 @@ def snapshot_material(material: bpy.types.Material | None, notes: Notes, images:
         reader.note("there is no Material Output node, so the surface counts as black", cure="add one")
     else:
         shading = reader.surface_at(Input(end.inputs["Surface"], None))
+        if end.inputs["Displacement"].is_linked and material.displacement_method != "BUMP":
+            reader.note("surfaces are displaced in renders only, so they are baked where the mesh is", cure=_DISPLACE)
     reader.tell(notes, "in materials", material.name)
     return shading

@@ -84,8 +84,9 @@ def render_settings(ob: bpy.types.Object) -> Iterator[Setting]:
 
 
 def renders_otherwise(scene: bpy.types.Scene, ob: bpy.types.Object) -> bool:
-    """Whether an object has another shape in renders than in the viewport."""
-    render, settings = scene.render, list(render_settings(ob))
+    """Whether an object has another shape in renders than in the viewport; metaballs, always finer there, do not."""
+    render = scene.render
+    settings = [setting for setting in render_settings(ob) if not isinstance(setting.owner, bpy.types.MetaBall)]
     if not render.use_simplify:
         return bool(settings)
     if any(setting.owner.bl_rna.identifier not in {"SubsurfModifier", "MultiresModifier"} for setting in settings):

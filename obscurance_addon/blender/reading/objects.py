@@ -13,15 +13,17 @@ from ...core.light import LightSources
 from ...core.lightmap import LightmapSettings, UvMode
 from ...core.notes import Notes
 from ...core.order import MeshArrays, ObjectSnapshot
-from ...core.shading import Shading, SurfaceArrays
+from ...core.shading import DEFAULT_REFLECTANCE, NO_TRIANGLES, Constant, Shading, SurfaceArrays
 from ..materials import ImageCache, node_tree_of, read_surface, snapshot_material
 from .as_rendered import renders_otherwise
 from .lights import LightReader, read_world
 from .meshes import read_mesh
 from .origins import EvaluatedMesh, carried_mesh, evaluated_mesh, may_change_topology
+from .strands import hair_mesh, hair_systems, has_strands, strands_mesh
 from .visibility import rendered_members, rendered_objects, shown_objects
 
 _SHOW = "show them there, or hide them from renders too"
+_GREY = Shading(Constant((DEFAULT_REFLECTANCE,)))
 _AS_RENDERED = "choose Modifiers: Render (--modifiers RENDER), or give them the same settings in both"
 SOLID_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 
@@ -69,6 +71,7 @@ class SceneReader:
         self.notes = notes
         self._members: dict[int, set[int]] = {}
         self._meshes: dict[int, MeshArrays] = {}
+        self._hair: dict[tuple[int, int], MeshArrays] = {}
         self._surfaces: dict[tuple, SurfaceArrays] = {}
         self._materials: dict[int, Shading] = {}
         self._images = ImageCache()
@@ -85,8 +88,13 @@ class SceneReader:
             return None
         if self._lights is not None:
             self._lights.note_linking(ob)
-        shadings = [*(self._shading(slot.material) for slot in ob.material_slots), self._shading(None)]
         key = ob.data.as_pointer()
+        if has_strands(ob.data):
+            if key not in self._meshes:
+                self._meshes[key] = strands_mesh(ob.data, ob.name, self.notes)
+            slot = ob.material_slots[0].material if ob.material_slots else None
+            return self._strands(instance, instance_key(instance), self._meshes[key], slot)
+        shadings = [*(self._shading(slot.material) for slot in ob.material_slots), self._shading(None)]
         surface_key = (key, *map(id, shadings))
         if surface_key not in self._surfaces:
             with self._evaluated(ob, shadings) as made:
@@ -112,6 +120,45 @@ class SceneReader:
             gives_color,
         )
 
+    def read_hair(self, instance: bpy.types.DepsgraphObjectInstance) -> list[ObjectSnapshot]:
+        """The strands of particle systems on an instance, whether it is seen itself or not."""
+        ob = instance.object
+        if not instance.show_particles or not self._counts(instance):
+            return []
+        found = []
+        for number, system in hair_systems(ob):
+            key = ob.original.session_uid, number
+            if key not in self._hair:
+                self._hair[key] = hair_mesh(ob, system, self.notes)
+            slot = system.settings.material - 1
+            material = ob.material_slots[slot].material if 0 <= slot < len(ob.material_slots) else None
+            found.append(self._strands(instance, (instance_key(instance), "hair", number), self._hair[key], material))
+        return found
+
+    def _strands(
+        self,
+        instance: bpy.types.DepsgraphObjectInstance,
+        key: Hashable,
+        mesh: MeshArrays,
+        material: bpy.types.Material | None,
+    ) -> ObjectSnapshot:
+        shading, ob = self._shading(material), instance.object
+        if shading.varies():
+            what = "materials of hair and points use textures or attributes, so they count as grey there"
+            self.notes.add(what, material.name, cure="give them a plain color, or expect the difference")
+            shading = _GREY
+        return ObjectSnapshot(
+            key,
+            ob.name,
+            mesh,
+            np.array(instance.matrix_world, np.float64),
+            [shading, shading],
+            NO_TRIANGLES,
+            materials_of(ob),
+            ob.original.data.session_uid,
+            *ray_visibility(instance),
+        )
+
     def _evaluated(self, ob: bpy.types.Object, shadings: list[Shading]) -> AbstractContextManager[EvaluatedMesh]:
         """The mesh of an evaluated object or instance, with where its faces come from if that has to be told."""
         original = ob.original
@@ -131,10 +178,11 @@ class SceneReader:
         return self._images.uids
 
     def shows(self, instance: bpy.types.DepsgraphObjectInstance) -> bool:
-        """Whether an instance is a mesh with faces that is visible in the viewport and in renders."""
+        """Whether an instance is a mesh with faces, hair or points, and visible in the viewport and in renders."""
         ob = instance.object
         # Curves, texts and metaballs come twice: as themselves, and as the mesh that they evaluate to.
-        if not instance.show_self or not isinstance(ob.data, bpy.types.Mesh) or not len(ob.data.polygons):
+        is_mesh = isinstance(ob.data, bpy.types.Mesh) and len(ob.data.polygons)
+        if not instance.show_self or not (is_mesh or has_strands(ob.data)):
             return False
         owner = instance.parent if instance.is_instance else ob
         if not self._renders(instance):
@@ -189,6 +237,14 @@ class SceneReader:
         if owner.instance_type == "NONE" or instance.particle_system is not None:
             return True
         return not ob.hide_render and ob.original.session_uid not in self._hidden_members(owner.original)
+
+    def _counts(self, instance: bpy.types.DepsgraphObjectInstance) -> bool:
+        """Whether what an object carries shows up in renders, even if an instancer itself does not."""
+        owner = instance.parent if instance.is_instance else instance.object
+        if not instance.is_instance:
+            rendered = not owner.hide_render and owner.original.session_uid in self._rendered
+            return rendered and self._is_visible(owner)
+        return self._renders(instance) and self._is_visible(owner)
 
     def _hidden_members(self, owner: bpy.types.Object) -> set[int]:
         """Session uids of objects that an instance of a collection shows in the viewport, but not in renders."""

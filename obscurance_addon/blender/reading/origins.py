@@ -26,7 +26,8 @@ _DEFORM_ONLY = {
     "WEIGHTED_NORMAL",
 }  # fmt: skip
 
-_NEAR_BASE = 0.1  # of the diagonal of the unmodified mesh: what modifiers make within is that mesh in another form
+_NEAR_BASE = 0.1  # of its diagonal: how far the box of a part may be from that of the unmodified part behind it
+_MOST_PARTS = 256  # of an unmodified mesh that are told apart
 
 _FACE_INDEX = "obscurance_face_index"  # above 0, since faces without origin read 0
 _REST_POSITION = "obscurance_rest_position"
@@ -118,17 +119,18 @@ def with_own_origins(mesh: MeshArrays, base: MeshArrays) -> MeshArrays:
 def made_elsewhere(mesh: MeshArrays, base: MeshArrays) -> MeshArrays | None:
     """The connected parts of an evaluated mesh for which the unmodified one cannot stand; None where there are none.
 
-    It stands for parts within its own box, grown by a little: those that modifiers smooth, bevel or thicken. Others are
-    copies, and shapes that nodes make anew.
+    A part of the unmodified mesh stands for those whose boxes are nearly its own: what modifiers smooth, bevel or
+    thicken. Others are copies, what is scattered, and shapes that nodes make anew.
     """
-    low, high = base.positions.min(0), base.positions.max(0)
-    margin = _NEAR_BASE * np.linalg.norm(high - low)
-    within = ((mesh.positions >= low - margin) & (mesh.positions <= high + margin)).all(1)
-    corners = mesh.corner_vertex[mesh.triangle_corners]
-    part = connected_components(len(within), np.concatenate([corners[:, :2], corners[:, 1:]]))
-    is_elsewhere = np.zeros(len(within), bool)
-    is_elsewhere[part[~within]] = True
-    kept = is_elsewhere[part[corners[:, 0]]]
+    part, low, high = _parts(mesh)
+    _, base_low, base_high = _parts(base)
+    if len(base_low) > _MOST_PARTS:  # then they stand together
+        base_low, base_high = base_low.min(0, keepdims=True), base_high.max(0, keepdims=True)
+    stands = np.zeros(len(low), bool)
+    for lowest, highest in zip(base_low, base_high, strict=True):
+        margin = _NEAR_BASE * np.linalg.norm(highest - lowest)
+        stands |= ((np.abs(low - lowest) <= margin) & (np.abs(high - highest) <= margin)).all(1)
+    kept = ~stands[part]
     if not kept.any():
         return None
     return replace(
@@ -138,6 +140,17 @@ def made_elsewhere(mesh: MeshArrays, base: MeshArrays) -> MeshArrays | None:
         face_origin=None,
         rest=None,
     )
+
+
+def _parts(mesh: MeshArrays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The connected part (t,) of each triangle, and the lowest and highest corners of the parts, each (k, 3)."""
+    corners = mesh.corner_vertex[mesh.triangle_corners]
+    of_vertex = connected_components(len(mesh.positions), np.concatenate([corners[:, :2], corners[:, 1:]]))
+    _, part = np.unique(of_vertex[corners[:, 0]], return_inverse=True)
+    order = np.argsort(part, kind="stable")
+    first = np.searchsorted(part[order], np.arange(part.max(initial=-1) + 1))
+    points = mesh.positions[corners[order]]
+    return part, np.minimum.reduceat(points.min(1), first), np.maximum.reduceat(points.max(1), first)
 
 
 def _has(mesh: bpy.types.Mesh, name: str, domain: str) -> bool:

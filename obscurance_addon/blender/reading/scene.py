@@ -68,6 +68,7 @@ def snapshot_scene(
     found: dict[int, ObjectSnapshot] = {}
     occluders = []
     for instance in depsgraph.object_instances:
+        occluders += reader.read_hair(instance)
         snapshot = reader.read(instance)
         if snapshot is None:
             continue

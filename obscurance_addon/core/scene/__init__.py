@@ -23,6 +23,7 @@ from .patches import (
 )
 from .reflectance import LUMINANCE, hidden_sums, mean_of_sums, mean_reflectance, scattering_mean, surface_sums
 from .solids import connected_components, finite_or_nan, solid_triangles
+from .strands import balls, thinned, tubes
 
 __all__ = [
     "LUMINANCE",
@@ -33,6 +34,7 @@ __all__ = [
     "SceneObject",
     "Surfaces",
     "as_triangles",
+    "balls",
     "bounding_box",
     "connected_components",
     "corner_cells",
@@ -51,6 +53,8 @@ __all__ = [
     "smooth_fans",
     "solid_triangles",
     "surface_sums",
+    "thinned",
     "triangle_areas",
+    "tubes",
     "usable_triangles",
 ]

@@ -8,6 +8,7 @@ from obscurance_addon.blender.animation.live_preview import PREVIEW
 from tests.blender.animation.preview_helpers import SETTINGS, assert_as_baked_anew, at, key
 from tests.blender.helpers import FACE_LAYER, bake, colors, material, select
 from tests.blender.reading.test_modifiers import replace_by_a_block
+from tests.blender.reading.test_strands import emitter, hair_curves, point_cloud
 
 
 def come_and_go(ob):
@@ -227,3 +228,23 @@ def test_what_nodes_make_elsewhere_is_followed(preview):
         assert_as_baked_anew(preview.values())
         seen.append(colors(preview["Floor"]).tobytes())
     assert len(set(seen)) == len(edits) - 1  # without a shadow and with it again
+
+
+@pytest.mark.parametrize("build", [emitter, hair_curves, point_cloud])
+def test_hair_and_points_are_followed(preview, build):
+    """They come, go with what carries them, and vanish."""
+    hairy = build()
+    edits = [
+        lambda: None,
+        lambda: setattr(hairy.location, "x", 1.5),
+        lambda: setattr(hairy, "visible_shadow", False),
+        lambda: setattr(hairy, "visible_shadow", True),
+        lambda: setattr(hairy, "hide_render", True),
+    ]
+    seen = [colors(preview["Floor"]).tobytes()]
+    for frame, edit in enumerate(edits, 2):
+        edit()
+        at(frame)
+        assert_as_baked_anew(preview.values())
+        seen.append(colors(preview["Floor"]).tobytes())
+    assert len(set(seen)) == 4  # without, here, there, and not met, but still in R_ave

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from obscurance_addon.blender.materials import shaders
+from obscurance_addon.blender.materials.snapshot import snapshot_material
+from obscurance_addon.core.notes import Notes
 from obscurance_addon.core.shading.expressions import Constant
 from obscurance_addon.core.shading.shading import DEFAULT_REFLECTANCE, MAX_REFLECTANCE, Shading, shade_faces
 from obscurance_addon.core.shading.surfaces import NO_TRIANGLES
@@ -255,3 +257,22 @@ def test_clean_materials_leave_no_notes():
     tree.principled()
     reflectance_of(tree, notes=notes)
     assert notes == []
+
+
+@pytest.mark.parametrize(("method", "told"), [("BUMP", 0), ("DISPLACEMENT", 1), ("BOTH", 1)])
+@pytest.mark.parametrize("is_linked", [True, False])
+def test_displacement_that_renders_only_is_noted(method, told, is_linked):
+    """Bump leaves surfaces where they are, and so does a socket without a link."""
+    material = bpy.data.materials.new("Rough")
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    material.displacement_method = method
+    tree = material.node_tree
+    node, end = tree.nodes.new("ShaderNodeDisplacement"), tree.get_output_node("CYCLES")
+    if is_linked:
+        tree.links.new(node.outputs[0], end.inputs["Displacement"])
+    notes = Notes()
+    snapshot_material(material, notes)
+    lines = [line for line in notes.lines() if "displaced in renders" in line]
+    assert len(lines) == told * is_linked
+    assert all("'Rough'" in line for line in lines)

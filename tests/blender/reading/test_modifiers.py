@@ -202,6 +202,50 @@ def replace_by_a_block(ob, size, at):
     return made
 
 
+def scatter_posts(ob, density=5.0):
+    """Nodes that join a mesh with posts on it, whose faces are real."""
+    tree = bpy.data.node_groups.new("Posts", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    source, points, post, copies, real, both, end = (
+        tree.nodes.new(kind)
+        for kind in (
+            "NodeGroupInput",
+            "GeometryNodeDistributePointsOnFaces",
+            "GeometryNodeMeshCube",
+            "GeometryNodeInstanceOnPoints",
+            "GeometryNodeRealizeInstances",
+            "GeometryNodeJoinGeometry",
+            "NodeGroupOutput",
+        )
+    )
+    points.inputs["Density"].default_value, post.inputs["Size"].default_value = density, (0.1, 0.1, 0.5)
+    for one, other in (
+        (source.outputs[0], points.inputs["Mesh"]),
+        (points.outputs["Points"], copies.inputs["Points"]),
+        (post.outputs[0], copies.inputs["Instance"]),
+        (copies.outputs[0], real.inputs[0]),
+        (real.outputs[0], both.inputs[0]),
+        (source.outputs[0], both.inputs[0]),
+        (both.outputs[0], end.inputs[0]),
+    ):
+        tree.links.new(one, other)
+    ob.modifiers.new("Posts", "NODES").node_group = tree
+
+
+@pytest.mark.parametrize("target", CORNERED)
+def test_what_is_scattered_on_a_mesh_is_not_part_of_it(target):
+    """Posts, for which the flat ground cannot stand though they are low and within its bounds, darken it."""
+    ob = floor(size=4.0, n=2)
+    patches = arrays(ob, target=target).patches
+    scatter_posts(ob)
+    made = arrays(ob, target=target)
+    assert np.array_equal(made.patches.corners, patches.corners)
+    n_posts, rest = divmod(len(made.surfaces.triangles) - 8, 12)
+    assert (n_posts > 20, rest) == (True, 0)
+    assert baked(ob, target=target, rays=512).max() < 0.98
+
+
 @pytest.mark.parametrize("target", CORNERED)
 def test_what_nodes_make_elsewhere_occludes_others(target):
     """A floor below a block that nodes make of a small cube is as dark as below a mesh of that shape."""

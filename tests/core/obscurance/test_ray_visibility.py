@@ -43,7 +43,7 @@ def test_what_does_not_occlude_leaves_a_floor_open(falloff, others):
     s = of_others(scene([ground()], others), 32, occludes=False)
     found = s.bake(BakeSettings(64, distance=1.0, falloff=falloff))
     assert (found.grey == 1.0).all()
-    assert (found.white() == 1.0).all()
+    assert (found.white == 1.0).all()
 
 
 def test_what_does_not_occlude_counts_in_the_mean_reflectance():
@@ -56,7 +56,7 @@ def test_nothing_that_rays_could_meet():
     """Even the floor itself."""
     s = scene([ground()])
     s = replace(s, surfaces=replace(s.surfaces, occludes=np.zeros(32, bool)))
-    assert (s.bake(BakeSettings(16)).white() == 1.0).all()
+    assert (s.bake(BakeSettings(16)).white == 1.0).all()
 
 
 def test_a_colour_that_nothing_sees_is_black_and_leaves_the_mean():

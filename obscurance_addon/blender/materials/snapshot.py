@@ -44,6 +44,9 @@ def snapshot_material(material: bpy.types.Material | None, notes: Notes, images:
         shading = Shading()
         reader.note("there is no Material Output node, so the surface counts as black", cure="add one")
     else:
-        shading = reader.surface_at(Input(end.inputs["Surface"], None))
+        surface = Input(end.inputs["Surface"], None)
+        is_volume_alone = surface.origin() is None and Input(end.inputs["Volume"], None).origin() is not None
+        # Nothing but a volume is no surface at all, as in Cycles.
+        shading = Shading(transmission=Constant((1.0,))) if is_volume_alone else reader.surface_at(surface)
     reader.tell(notes, "in materials", material.name)
     return shading

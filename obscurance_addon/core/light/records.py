@@ -35,10 +35,17 @@ class PatchMaterials:
     reflectance : ndarray, (p, 3) float64
     emission : ndarray, (p, 3) float64
         Radiant exitance, W/m^2.
+    opacity : ndarray, (p,) float64, or None
+        Share of the light that they stop; None where all are opaque.
     """
 
     reflectance: np.ndarray
     emission: np.ndarray
+    opacity: np.ndarray | None = None
+
+    def opacity_of(self, patches: slice) -> np.ndarray | None:
+        """That of some patches; None where all are opaque."""
+        return None if self.opacity is None else self.opacity[patches]
 
 
 @dataclass(frozen=True)

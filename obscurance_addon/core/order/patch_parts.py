@@ -8,9 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..sampling import hash32
-from ..scene import corner_cells, face_of_corner, finite_or_nan, smooth_fans, triangle_areas
+from ..scene import corner_cells, face_of_corner, finite_or_nan, opacity, smooth_fans, triangle_areas
+from ..shading import FaceShading
 from .output import Target
 from .snapshot import BakedObject, MeshArrays, ObjectSnapshot
+
+_ALL = 1.0 - 1e-6  # of the light
 
 
 @dataclass(frozen=True)
@@ -23,9 +26,10 @@ class WorldObject:
     triangles: np.ndarray  # (t, 3) vertex indices
     reflectance: np.ndarray  # (f, 3) float32
     emission: np.ndarray  # (f, 3) float32
+    transmission: np.ndarray  # (f, 3) float32
 
     @classmethod
-    def of(cls, ob: ObjectSnapshot, shading: tuple[np.ndarray, np.ndarray]) -> WorldObject:
+    def of(cls, ob: ObjectSnapshot, shading: FaceShading) -> WorldObject:
         mesh = ob.mesh
         matrix = ob.matrix if np.isfinite(ob.matrix).all() else np.full((4, 4), np.nan)
         vertices = finite_or_nan(finite_or_nan(mesh.positions) @ matrix[:3, :3].T + matrix[:3, 3])
@@ -34,6 +38,11 @@ class WorldObject:
         if finite.any() and np.linalg.det(matrix[:3, :3]) < 0.0:
             corners = corners[:, ::-1]
         return cls(vertices, finite, corners, mesh.corner_vertex[corners], *shading)
+
+    def is_absent(self) -> np.ndarray:
+        """(f,) bool: faces that let all light through, such as those of materials that have nothing but a volume."""
+        clear = (self.transmission >= _ALL).all(1)
+        return clear & ~self.reflectance.any(1) & ~self.emission.any(1)
 
     def flattened(self, ob: ObjectSnapshot) -> int:
         """Along how many axes a scale of 0 took away area, 0 if it took none."""
@@ -51,6 +60,7 @@ class PatchPart:
     ids: np.ndarray
     reflectance: np.ndarray
     emission: np.ndarray
+    opacity: np.ndarray | None
     face_patch: np.ndarray  # of each evaluated face; -1 where it is not one patch
     element_patch: np.ndarray
     element_patch_of_node: np.ndarray
@@ -80,7 +90,7 @@ def baked_part(baked: BakedObject, world: WorldObject, target: Target) -> PatchP
     if (np.diff(element) < 0).any():
         order = np.argsort(element, kind="stable")
         cells, element, source_face = cells[order], element[order], source_face[order]
-    reflectance, emission = _patch_means(cells, element, source_face, n_patches, world)
+    reflectance, emission, opaque = _patch_means(cells, element, source_face, n_patches, world)
     name = np.uint32(zlib.crc32(baked.snapshot.name.encode()))
     return PatchPart(
         cells=cells,
@@ -88,6 +98,7 @@ def baked_part(baked: BakedObject, world: WorldObject, target: Target) -> PatchP
         ids=hash32(np.arange(n_patches, dtype=np.uint32) ^ hash32(name)),
         reflectance=reflectance,
         emission=emission,
+        opacity=opaque,
         face_patch=face_patch,
         element_patch=element_patch,
         element_patch_of_node=linked,
@@ -112,7 +123,7 @@ def other_part(ob: ObjectSnapshot, world: WorldObject, number: int, faces: np.nd
     n_patches = int(np.count_nonzero(faces))
     face_patch = np.where(faces, np.cumsum(faces) - 1, -1)
     cells, patch = world.vertices[world.triangles[kept]], face_patch[face]
-    reflectance, emission = _patch_means(cells, patch, face, n_patches, world)
+    reflectance, emission, opaque = _patch_means(cells, patch, face, n_patches, world)
     name = hash32(np.uint32(zlib.crc32(ob.name.encode()))) ^ np.uint32(number)
     nothing = np.zeros(0, np.int64)
     return PatchPart(
@@ -121,6 +132,7 @@ def other_part(ob: ObjectSnapshot, world: WorldObject, number: int, faces: np.nd
         ids=hash32(np.arange(n_patches, dtype=np.uint32) ^ hash32(name)),
         reflectance=reflectance,
         emission=emission,
+        opacity=opaque,
         face_patch=face_patch,
         element_patch=nothing,
         element_patch_of_node=nothing,
@@ -131,16 +143,20 @@ def other_part(ob: ObjectSnapshot, world: WorldObject, number: int, faces: np.nd
 
 def _patch_means(
     cells: np.ndarray, patch: np.ndarray, face: np.ndarray, n_patches: int, world: WorldObject
-) -> tuple[np.ndarray, np.ndarray]:
-    """Area means (p, 3) of reflectance and emission over patches whose cells lie on the evaluated faces `face`."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Area means over patches whose cells lie on the evaluated faces `face`.
+
+    Reflectance and emission (p, 3), and opacity (p,), None where all are opaque.
+    """
     area = triangle_areas(cells)
     area[~np.isfinite(area)] = 0.0
     total = np.maximum(np.bincount(patch, area, n_patches), np.finfo(float).tiny)[:, None]
-    reflectance, emission = (
-        np.stack([np.bincount(patch, area * column, n_patches) for column in per_face[face].T], -1) / total
-        for per_face in (world.reflectance, world.emission)
-    )
-    return reflectance, emission
+
+    def mean(per_face: np.ndarray) -> np.ndarray:
+        return np.stack([np.bincount(patch, area * column, n_patches) for column in per_face[face].T], -1) / total
+
+    transparent = world.transmission.any()
+    return mean(world.reflectance), mean(world.emission), opacity(mean(world.transmission)) if transparent else None
 
 
 def _face_patches(mesh: MeshArrays, target: Target) -> np.ndarray:

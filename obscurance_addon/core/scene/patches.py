@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import GeometryError
 from ..sampling import orthonormal_frames
 from ..workers import workers
+from .transmission import Transmission
 
 # Rays start this fraction of the largest coordinate of their cell above it, in coordinates centred on the scene: a
 # hundred times the rounding error of float32 positions. docs/theory.md, "Numerical hazards", has the measurements.
@@ -49,6 +50,9 @@ class Surfaces:
         Emitted radiant exitance, W/m^2; only light needs it.
     patch : ndarray, (t,) int32, or None
         The patch of which each triangle is a part, -1 for none; only radiosity needs it.
+    transmission : Transmission or None
+        What passes the triangles; None where all are opaque. The reflectance of transparent ones is of all the light
+        that falls on them: that of what stops light times the opacity.
     """
 
     vertices: np.ndarray
@@ -58,12 +62,19 @@ class Surfaces:
     object_starts: np.ndarray = field(default_factory=lambda: np.zeros(1, np.int64))
     emission: np.ndarray | None = None
     patch: np.ndarray | None = None
+    transmission: Transmission | None = None
 
     def only(self, kept: np.ndarray, vertices: np.ndarray) -> Surfaces:
         """Some of the triangles (k,) int, with other positions (v, 3) of all vertices; objects are not told apart."""
         emission, patch = (None if values is None else values[kept] for values in (self.emission, self.patch))
         return Surfaces(
-            vertices, self.triangles[kept], self.reflectance[kept], self.solid[kept], emission=emission, patch=patch
+            vertices,
+            self.triangles[kept],
+            self.reflectance[kept],
+            self.solid[kept],
+            emission=emission,
+            patch=patch,
+            transmission=None if self.transmission is None else self.transmission.only(kept),
         )
 
 

@@ -138,7 +138,8 @@ def shade(ob: ObjectSnapshot, needs_light: bool = False) -> FaceShading:
     found = shade_faces(ob.shadings, material_slots(ob), ob.surface)
     lamps = found.emission.any(1) & ~found.reflectance.any(1)
     if not needs_light and lamps.any():
-        found.reflectance[lamps] = DEFAULT_REFLECTANCE * (1.0 - found.transmission[lamps])
+        opaque = 1.0 if found.transmission is None else 1.0 - found.transmission[lamps]
+        found.reflectance[lamps] = DEFAULT_REFLECTANCE * opaque
     return found
 
 

@@ -26,7 +26,7 @@ class WorldObject:
     triangles: np.ndarray  # (t, 3) vertex indices
     reflectance: np.ndarray  # (f, 3) float32
     emission: np.ndarray  # (f, 3) float32
-    transmission: np.ndarray  # (f, 3) float32
+    transmission: np.ndarray | None  # (f, 3) float32, None where all are opaque
 
     @classmethod
     def of(cls, ob: ObjectSnapshot, shading: FaceShading) -> WorldObject:
@@ -41,8 +41,9 @@ class WorldObject:
 
     def is_absent(self) -> np.ndarray:
         """(f,) bool: faces that let all light through, such as those of materials that have nothing but a volume."""
-        clear = (self.transmission >= _ALL).all(1)
-        return clear & ~self.reflectance.any(1) & ~self.emission.any(1)
+        if self.transmission is None:
+            return np.zeros(len(self.reflectance), bool)
+        return (self.transmission >= _ALL).all(1) & ~self.reflectance.any(1) & ~self.emission.any(1)
 
     def flattened(self, ob: ObjectSnapshot) -> int:
         """Along how many axes a scale of 0 took away area, 0 if it took none."""
@@ -155,8 +156,8 @@ def _patch_means(
     def mean(per_face: np.ndarray) -> np.ndarray:
         return np.stack([np.bincount(patch, area * column, n_patches) for column in per_face[face].T], -1) / total
 
-    transparent = world.transmission.any()
-    return mean(world.reflectance), mean(world.emission), opacity(mean(world.transmission)) if transparent else None
+    transmission = world.transmission
+    return mean(world.reflectance), mean(world.emission), None if transmission is None else opacity(mean(transmission))
 
 
 def _face_patches(mesh: MeshArrays, target: Target) -> np.ndarray:

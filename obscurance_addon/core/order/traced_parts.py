@@ -33,7 +33,7 @@ def traced_surfaces(
     face = ob.mesh.triangle_face
     vertices, triangles = world.vertices, world.triangles
     transmission = None
-    if world.transmission.any():
+    if world.transmission is not None:
         transmission = _transmission(ob, world)
         if transmission is not None and solid.any():
             solid = solid & windowless_shells(ob.mesh.positions, triangles, transmission.mean.any(1))

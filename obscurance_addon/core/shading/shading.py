@@ -71,13 +71,13 @@ class FaceShading(NamedTuple):
         Linear colour, 0 .. MAX_REFLECTANCE.
     emission : ndarray, (f, 3) float32
         Radiant exitance, W/m^2, finite and not negative.
-    transmission : ndarray, (f, 3) float32
-        0 .. 1.
+    transmission : ndarray, (f, 3) float32, or None
+        0 .. 1; None where all materials are opaque.
     """
 
     reflectance: np.ndarray
     emission: np.ndarray
-    transmission: np.ndarray
+    transmission: np.ndarray | None
 
 
 def shade_faces(shadings: Sequence[Shading], face_material: np.ndarray, surface: SurfaceArrays) -> FaceShading:
@@ -101,14 +101,17 @@ def shade_faces(shadings: Sequence[Shading], face_material: np.ndarray, surface:
     for index in np.flatnonzero(~varies):
         for column, expression in enumerate(shadings[index].expressions()):
             constant[index, column] = expression.at(None)[0, 0]
-    found = FaceShading(*(values.take(face_material, axis=0) for values in _physical(constant)))
+    found = FaceShading(*(values.take(face_material, axis=0) for values in _physical(constant)[:2]), None)
+    if constant[:, 2].any() or any(shading.transmission_varies() for shading in shadings):
+        found = found._replace(transmission=_physical(constant).transmission.take(face_material, axis=0))
     if varies.any():
         triangle_material = face_material[surface.triangle_face]
         for index in np.unique(triangle_material[varies[triangle_material]]):
             triangles = np.flatnonzero(triangle_material == index)
             faces, values = face_means(shadings[index].expressions(), surface, triangles)
             for of_faces, of_these in zip(found, _physical(values), strict=True):
-                of_faces[faces] = of_these
+                if of_faces is not None:
+                    of_faces[faces] = of_these
     return found
 
 

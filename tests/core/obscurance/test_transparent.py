@@ -198,6 +198,7 @@ def test_half_hidden_behind_a_leaf():
     for distance in (0.3, 3.0):
         settings = BakeSettings(1024, distance=distance)
         bare, with_leaf = (scene([ground], others).bake(settings) for others in ([block], [block, leaf]))
+        assert bare.sums.valid[0] == pytest.approx(0.5, abs=0.01)
         np.testing.assert_allclose(with_leaf.sums.valid, bare.sums.valid, atol=1e-9)
         np.testing.assert_allclose(with_leaf.grey, bare.grey, atol=1e-6)
 

@@ -1,9 +1,10 @@
-"""Diffuse reflectance and emission per face from Blender's materials.
+"""Diffuse reflectance, emission and transmission per face from Blender's materials.
 
 `snapshot_material` reads a node tree on the main thread into a `Shading`, which knows nothing of Blender;
 `shade_faces` turns shadings into values per face in any thread. Nodes are understood as Cycles renders them, as far
-as they say how much light a face scatters diffusely and emits. What depends on the view, the light or the position
-(Fresnel, procedural textures) has no value per face: the socket that it feeds keeps its own value, and a note says so.
+as they say how much light a face scatters diffusely, emits and lets through. What depends on the view, the light or
+the position (Fresnel, procedural textures) has no value per face: the socket that it feeds keeps its own value, and a
+note says so.
 """
 
 from __future__ import annotations

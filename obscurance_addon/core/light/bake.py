@@ -170,6 +170,8 @@ def light_warnings(lit: LitPatches, emitted: np.ndarray, light: LightSettings) -
         warnings.append(f"lights that reach no surface: {named(unreached)}; {cure}")
     if not lit.scene.sources and not lit.scene.world.any():
         warnings.append("nothing shines on the scene, so its light is black: add a light, or bake OBSCURANCE")
+    if light.quantity is Quantity.RADIOSITY and lit.scene.traced.transparency is not None:
+        warnings.append("radiosity takes transparent faces for opaque ones: bake COMBINED, or hide them from renders")
     from_emission = light.ambient is Ambient.EMISSION and light.quantity in _WITH_AMBIENT
     if from_emission and lit.unshot.any() and not emitted.any():
         warnings.append(

@@ -10,7 +10,7 @@ import pytest
 from obscurance_addon.core.falloff import Falloff
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.updates.incremental import IncrementalBake
-from tests.core.scenes import Mesh, grid
+from tests.core.scenes import Mesh, box, floor, grid, icosphere
 from tests.core.updates.changing_scenes import assert_equals_full_bake, furniture, objects_of, scene_object
 from tests.core.updates.test_incremental import wander
 
@@ -73,3 +73,25 @@ def test_colours_of_transparent_objects():
     for key, colour in (("pane", (0.1, 0.2, 0.3)), ("crate", (0.4, 0.4, 0.1))):
         bake.update({key: scene_object(meshes[key].coloured(colour), 1000 * list(meshes).index(key))})
         assert_equals_full_bake(bake, SETTINGS)
+
+
+@pytest.mark.parametrize("falloff", [Falloff.SQRT, Falloff.STEP])
+def test_what_moves_behind_a_leaf_inside_of_a_solid(falloff):
+    """A body far beyond d_max, behind glass all around the patch, still tells whether its rays start inside."""
+    settings = BakeSettings(64, distance=0.02, falloff=falloff, threads=1)
+    ball = icosphere(1).moved(0.1, (3.0, 0.0, 0.0))
+    meshes = {
+        "patch": floor((-0.02, -0.02), (0.02, 0.02), z=0.0),
+        "outside": floor((2.0, 2.0), (2.5, 2.5)),
+        "glass": icosphere(2).moved(0.125).letting_through(0.5),
+        "block": box((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
+        "ball": ball,
+    }
+    bake = IncrementalBake(objects_of(meshes, ["glass", "block"]), settings, movers={"ball"})
+    assert_equals_full_bake(bake, settings)
+    before = bake.values("patch").valid.all()
+    for x in (0.5, -0.5, 3.0):
+        bake.update({"ball": scene_object(ball.moved(offset=(x - 3.0, 0.0, 0.5)), 4000)})
+        assert_equals_full_bake(bake, settings)
+        assert bake.values("patch").valid.all() == (x < 1.0)
+    assert not before

@@ -286,7 +286,10 @@ class _FarRays:
         """Add what rays find behind transparent surfaces to what `_found` says of their first hits."""
         traced = self.scene.traced
         rays = np.flatnonzero(traced.transparency.lets_through(hits.triangle))
-        passage, light = Passage(traced.intersector, origins, directions, FAR, hits, rays), np.ones((len(rays), 4))
+        passage, light = (
+            Passage(traced.intersector, origins, directions, FAR, hits, rays),
+            np.ones((len(rays), 4), np.float32),
+        )
         stopped[rays] = 0.0
         for _ in range(MAX_SURFACES):
             if not len(passage.rays):
@@ -299,8 +302,7 @@ class _FarRays:
             light = light[onward]
             passage.go_on()
             behind = passage.rays
-            here = Hits(passage.distance, passage.triangle, passage.normal)
-            brought, within, _ = self._found(here, directions[behind], cosine[behind])
+            brought, within, _ = self._found(passage.hits(), passage.directions, cosine[behind])
             found[behind] += light[:, :3] * brought
             inside[behind] = within
             stopped[behind[within]] = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..tracing import FAR, LEAST_LIGHT, MAX_SURFACES, Hits, Passage, TracedScene, shadowed, starts_inside
+from ..tracing import FAR, LEAST_LIGHT, MAX_SURFACES, Passage, TracedScene, shadowed, starts_inside
 
 
 def visible_share(
@@ -30,16 +30,14 @@ def light_share(
     hits = scene.intersector.intersect(origins, directions, limits.copy())
     passage = Passage(scene.intersector, origins, directions, limits, hits, np.arange(len(rays)))
     for _ in range(MAX_SURFACES):
-        here = Hits(passage.distance, passage.triangle, passage.normal)
-        met = passage.triangle >= 0
-        through = scene.transparency.lets_through(passage.triangle)
-        blocked = met & ~through & (passage.distance < distances[passage.rays])
-        if scene.solid is not None:
-            blocked |= met & starts_inside(scene, directions[passage.rays], here)
+        before = passage.distance < distances[passage.rays]  # of what shines
         transmission, _ = passage.looked_up(scene.transparency)
-        transmission[~(through & (passage.distance < distances[passage.rays]))] = 1.0
-        transmission[blocked] = 0.0
-        share[rays[passage.rays]] *= transmission[:, :3].astype(np.float32)
+        transmission[~before | (passage.triangle < 0)] = 1.0
+        if scene.solid is not None:
+            inside = starts_inside(scene, passage.directions, passage.hits())
+            transmission[inside & (passage.triangle >= 0)] = 0.0
+        share[rays[passage.rays]] *= transmission[:, :3]
+        through = scene.transparency.lets_through(passage.triangle)
         passage.keep(through & (share[rays[passage.rays]].max(1) > LEAST_LIGHT))
         if not len(passage.rays):
             break

@@ -22,9 +22,9 @@ class Layered:
     ----------
     rays : ndarray, (k,) int
         Which of all rays they are.
-    hit : ndarray, (k, 4) float64
+    hit : ndarray, (k, 4) float32
         T rho R per RGB channel, and T rho times the opacity.
-    miss : ndarray, (k, 4) float64
+    miss : ndarray, (k, 4) float32
         What is left where nothing more is met nearer than d_max, per channel and without colour.
     inside : ndarray, (k,) bool
         Rays that start inside of a solid; their sums are 0.
@@ -48,50 +48,52 @@ def sum_layers(
     """
     rays = np.flatnonzero(scene.transparency.lets_through(hits.triangle))
     passage = Passage(scene.intersector, origins, directions, limit, hits, rays)
-    index = np.arange(len(rays))  # of those that are still on their way
-    light, counts = np.ones((len(rays), 4)), np.ones(len(rays), bool)
-    found = Layered(rays, np.zeros((len(rays), 4)), np.zeros((len(rays), 4)), ~counts, hits.distance[rays].copy())
+    found = Layered(
+        rays,
+        np.zeros((len(rays), 4), np.float32),
+        np.zeros((len(rays), 4), np.float32),
+        np.zeros(len(rays), bool),
+        hits.distance[rays],
+    )
+    index = np.arange(len(rays))  # of the rays that are still on their way
+    light, counts = np.ones((len(rays), 4), np.float32), np.ones(len(rays), bool)
     for _ in range(MAX_SURFACES):
         if not len(index):
             break
-        transmission, cover = passage.looked_up(scene.transparency)
         met = passage.triangle >= 0
         near = met & (passage.distance < scene.limit)
-        _add(scene, found.hit, index[near], light, passage.triangle[near], passage.distance[near], cover[near])
-        escaped = index[~near & counts[index]]
-        found.miss[escaped], counts[escaped] = light[escaped], False
+        transmission, cover = passage.looked_up(scene.transparency)
+        if scene.falloff is not Falloff.STEP:  # of which a hit adds nothing
+            found.hit[index] += _scattered(scene, light, passage, near, cover)
+        escaped = counts & ~near
+        found.miss[index[escaped]] = light[escaped]
+        counts &= near
         found.farthest[index[met]] = passage.distance[met]
         if scene.solid is not None:
-            here = Hits(passage.distance, passage.triangle, passage.normal)
-            found.inside[index] = starts_inside(scene, directions[passage.rays], here) & met
-        light[index] *= transmission
-        onward = scene.transparency.lets_through(passage.triangle) & (light[index].max(1) > LEAST_LIGHT)
+            found.inside[index] = met & starts_inside(scene, passage.directions, passage.hits())
+        light *= transmission
+        onward = light.max(1) > LEAST_LIGHT  # opaque ones let nothing through
         passage.keep(onward)
-        index = index[onward]
+        index, light, counts = index[onward], light[onward], counts[onward]
         passage.go_on()
-    left = index[counts[index]]
-    found.miss[left] = light[left]
+    found.miss[index[counts]] = light[counts]
     found.hit[found.inside], found.miss[found.inside] = 0.0, 0.0
     return found
 
 
-def _add(
-    scene: TracedScene,
-    sums: np.ndarray,
-    index: np.ndarray,
-    light: np.ndarray,
-    triangle: np.ndarray,
-    distance: np.ndarray,
-    cover: np.ndarray,
-) -> None:
-    """Add what one surface on each of some rays (m,) int scatters."""
-    if scene.falloff is Falloff.STEP or not len(index):  # of which a hit adds nothing
-        return
-    rho = apply_falloff(scene.falloff, distance * scene.scale).astype(np.float64) * cover
-    opacity = 1.0 - scene.transparency.mean_of(triangle)
+def _scattered(
+    scene: TracedScene, light: np.ndarray, passage: Passage, near: np.ndarray, cover: np.ndarray
+) -> np.ndarray:
+    """What one surface on each of some rays adds, (m, 4) float32; 0 where there is none nearer than d_max."""
+    weight = apply_falloff(scene.falloff, passage.distance * scene.scale)
+    weight *= cover
+    weight[~near] = 0.0
+    opacity = np.float32(1.0) - scene.transparency.mean_of(passage.triangle)
     if scene.palette is None:
-        sums[index, 3] += light[index, 3] * rho * opacity
-        return
-    colour = scene.palette[triangle + 1].astype(np.float64)
+        colour = np.zeros((len(weight), 4), np.float32)
+    else:
+        colour = np.take(scene.palette, passage.triangle.astype(np.intp) + 1, axis=0, mode="clip")
     colour[:, 3] = opacity
-    sums[index] += light[index] * rho[:, None] * colour
+    colour *= weight[:, None]
+    colour *= light
+    return colour

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene import Lookup, Normalisation, Transmission, opacity
+from ..scene import Lookup, Normalisation, Transmission
 from .intersector import MISS, Hits, Intersector
 
 # A ray ends where less is left of its light: what it would still find is worth at most this.
@@ -29,7 +29,7 @@ class Transparency:
     ----------
     row : ndarray, (t + 1,) int32
         Row of each triangle in `transmission`, -1 for opaque ones; entry 0 for misses.
-    transmission : ndarray, (k, 4) float64
+    transmission : ndarray, (k, 4) float32
         Per RGB channel and without colour, the mean over each triangle.
     textured : ndarray, (k,) int32
         Row in the arrays below, -1 for those that are the same all over.
@@ -59,11 +59,11 @@ class Transparency:
             return None
         row = np.full(len(transmission.mean) + 1, -1, np.int32)
         row[clear + 1] = np.arange(len(clear), dtype=np.int32)
-        mean = transmission.mean[clear].astype(np.float64)
+        mean = transmission.mean[clear]
         corners = normalisation.apply(transmission.corners)
         return cls(
             row,
-            np.column_stack([mean, 1.0 - opacity(mean)]),
+            np.column_stack([mean, mean.mean(1)]),
             transmission.textured[clear],
             corners[:, 0],
             corners[:, 1] - corners[:, 0],
@@ -78,9 +78,9 @@ class Transparency:
         return self._rows(triangle) >= 0
 
     def mean_of(self, triangle: np.ndarray) -> np.ndarray:
-        """Mean transmission (n,) float64 of triangles, without colour; 0 for opaque ones."""
+        """Mean transmission (n,) float32 of triangles, without colour; 0 for opaque ones."""
         rows = self._rows(triangle)
-        return np.where(rows >= 0, self.transmission[rows, 3], 0.0)
+        return np.where(rows >= 0, self.transmission[rows, 3], np.float32(0.0))
 
     def at(
         self, triangle: np.ndarray, origins: np.ndarray, directions: np.ndarray, distance: np.ndarray
@@ -89,25 +89,27 @@ class Transparency:
 
         Returns
         -------
-        transmission : ndarray, (n, 4) float64
+        transmission : ndarray, (n, 4) float32
             Per RGB channel and without colour; 0 for opaque triangles and misses.
-        cover : ndarray, (n,) float64
+        cover : ndarray, (n,) float32
             How much more the triangle covers there than on the average.
         """
         rows = self._rows(triangle)
-        passing, cover = np.zeros((len(rows), 4)), np.ones(len(rows))
-        clear = np.flatnonzero(rows >= 0)
-        rows = rows[clear]
-        passing[clear] = self.transmission[rows]
-        textured = self.textured[rows]
-        of = np.flatnonzero(textured >= 0)
-        rays, textured = clear[of], textured[of]
+        opaque = rows < 0
+        passing, cover = np.take(self.transmission, rows, axis=0, mode="clip"), np.ones(len(rows), np.float32)
+        passing[opaque] = 0.0
+        if not len(self.local):
+            return passing, cover
+        textured = np.take(self.textured, rows, mode="clip")
+        rays = np.flatnonzero((textured >= 0) & ~opaque)
+        textured = textured[rays]
         if len(rays):
             points = origins[rays].astype(np.float64) + distance[rays, None].astype(np.float64) * directions[rays]
-            found = self._look_up(textured, self._places(textured, points)).astype(np.float64)
-            mean = 1.0 - passing[rays, 3]
-            passing[rays] = np.column_stack([found, 1.0 - opacity(found)])
-            cover[rays] = np.where(mean > 0.0, (1.0 - passing[rays, 3]) / np.where(mean > 0.0, mean, 1.0), 0.0)
+            found = self._look_up(textured, self._places(textured, points))
+            mean = np.float32(1.0) - passing[rays, 3]
+            passing[rays] = np.column_stack([found, found.mean(1)])
+            here = np.float32(1.0) - passing[rays, 3]
+            cover[rays] = np.where(mean > 0.0, here / np.where(mean > 0.0, mean, np.float32(1.0)), np.float32(0.0))
         return passing, cover
 
     def _rows(self, triangle: np.ndarray) -> np.ndarray:
@@ -152,9 +154,10 @@ class Passage:
     Attributes
     ----------
     rays : ndarray, (k,) int
-        Those that are still on their way, and
+        Those that are still on their way.
+    directions : ndarray, (k, 3) float32
     distance, triangle, normal : ndarray
-        what they meet now, as of `Hits`, with distances from their origins.
+        What they meet now, as of `Hits`, with distances from their origins.
     """
 
     def __init__(
@@ -166,38 +169,54 @@ class Passage:
         hits: Hits,
         rays: np.ndarray,
     ) -> None:
-        self._intersector, self._origins, self._directions = intersector, origins, directions
-        self._limits = np.broadcast_to(np.float32(limits), len(origins))
+        self._intersector = intersector
         self.rays = rays
-        self.distance, self.triangle, self.normal = hits.distance[rays], hits.triangle[rays], hits.normal[rays]
+        self._origins, self.directions = np.take(origins, rays, axis=0), np.take(directions, rays, axis=0)
+        self._limits = np.take(np.broadcast_to(np.float32(limits), len(origins)), rays)
+        self.distance, self.triangle = np.take(hits.distance, rays), np.take(hits.triangle, rays)
+        self.normal = np.take(hits.normal, rays, axis=0)
 
     def looked_up(self, transparency: Transparency) -> tuple[np.ndarray, np.ndarray]:
         """`Transparency.at` where the rays are now."""
-        return transparency.at(self.triangle, self._origins[self.rays], self._directions[self.rays], self.distance)
+        return transparency.at(self.triangle, self._origins, self.directions, self.distance)
+
+    def hits(self) -> Hits:
+        """What the rays meet now."""
+        return Hits(self.distance, self.triangle, self.normal)
 
     def keep(self, chosen: np.ndarray) -> None:
         """Leave all but the chosen (k,) bool of the rays."""
-        self.rays = self.rays[chosen]
-        self.distance, self.triangle, self.normal = self.distance[chosen], self.triangle[chosen], self.normal[chosen]
+        if chosen.all():
+            return
+        left = np.flatnonzero(chosen)
+        for name in ("rays", "directions", "distance", "triangle", "normal", "_origins", "_limits"):
+            setattr(self, name, np.take(getattr(self, name), left, axis=0))
 
     def go_on(self) -> None:
         """All rays go on to what is behind the triangle that they met."""
-        before = self.triangle.copy()
-        points = self._origins[self.rays] + self.distance[:, None] * self._directions[self.rays]
+        before = self.triangle
+        points = self._origins + self.distance[:, None] * self.directions
         margin = _BEHIND * np.maximum(np.abs(points).max(1, initial=_NEAREST), self.distance)
-        again = np.arange(len(before))
+        self._meet(slice(None), margin)
+        again = np.flatnonzero(self.triangle == before)
         for _ in range(_RETRIES):
             if not len(again):
                 return
-            rays, step = self.rays[again], self.distance[again] + margin[again]
-            onward = self._origins[rays] + step[:, None] * self._directions[rays]
-            limits = self._limits[rays]
-            found = self._intersector.intersect(onward, self._directions[rays], np.maximum(limits - step, 0.0))
-            self.distance[again] = np.minimum(found.distance + step, limits)
-            self.triangle[again], self.normal[again] = found.triangle, found.normal
-            again = again[found.triangle == before[again]]
             margin[again] *= _FARTHER
-        self.triangle[again], self.distance[again] = MISS, self._limits[self.rays[again]]
+            self._meet(again, margin[again])
+            again = again[self.triangle[again] == before[again]]
+        self.triangle[again], self.distance[again] = MISS, self._limits[again]
+
+    def _meet(self, rays: np.ndarray | slice, margin: np.ndarray) -> None:
+        """Find what is farther behind the present hits of some rays (m,) than margins (m,)."""
+        step, limits = self.distance[rays] + margin, self._limits[rays]
+        onward = self._origins[rays] + step[:, None] * self.directions[rays]
+        found = self._intersector.intersect(onward, self.directions[rays], np.maximum(limits - step, np.float32(0.0)))
+        distance = np.minimum(found.distance + step, limits)
+        if isinstance(rays, slice):
+            self.distance, self.triangle, self.normal = distance, found.triangle, found.normal
+        else:
+            self.distance[rays], self.triangle[rays], self.normal[rays] = distance, found.triangle, found.normal
 
 
 def first_opaque(

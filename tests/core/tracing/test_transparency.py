@@ -20,7 +20,7 @@ def rays_onto(rng, n, centre, steepest):
     """Origins over a unit square about a point and directions that meet it, of cosines up to `steepest`."""
     target = centre + np.column_stack([rng.uniform(-0.4, 0.4, (n, 2)), np.zeros(n)])
     cosine, turn = rng.uniform(0.0, steepest, n) + 1e-4, rng.uniform(0.0, 2.0 * np.pi, n)
-    sine = np.sqrt(1.0 - cosine**2)
+    sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
     directions = np.column_stack([sine * np.cos(turn), sine * np.sin(turn), -cosine])
     origins = (target - rng.uniform(0.05, 0.1, (n, 1)) * directions).astype(np.float32)
     return origins, directions.astype(np.float32)

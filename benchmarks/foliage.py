@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
-
 import bpy
 import numpy as np
 from scenes import empty_scene
@@ -15,22 +13,21 @@ from obscurance_addon.core.settings import BakeSettings
 LAYERS = (1, 5, 30)
 SIDE, HEIGHT = 16, 2.0  # leaves along each side of a layer, and metres up to the last layer
 TEXELS = 256
+KINDS = ("opaque", "half", "cut-out")
 
 
 def run(repeats: int) -> list[dict]:
     """Bake the floor under each number of layers and kind of leaf."""
     results = []
     for layers in LAYERS:
-        objects = {}
-        seconds: dict[str, list[float]] = {}
+        seconds: dict[str, list[float]] = {kind: [] for kind in KINDS}
         means = {}
         for _ in range(repeats):
-            for kind in ("absent", "opaque", "half", "cut-out"):  # side by side, so that ratios hold
+            for kind in KINDS:  # side by side, so that ratios hold
                 empty_scene()
-                objects[kind] = _foliage(layers if kind != "absent" else 0, kind)
-                floor = objects[kind]
+                floor = _foliage(layers, kind)
                 report = BakeJob(bpy.context, [floor], BakeSettings(rays=64, distance=4.0), OutputSettings()).run()
-                seconds.setdefault(kind, []).append(report.seconds["trace"])
+                seconds[kind].append(report.seconds["trace"])
                 means[kind] = _mean(floor)
         results.append({"layers": layers, "rays": report.rays, "seconds": seconds, "means": means})
     return results
@@ -40,8 +37,6 @@ def _foliage(layers: int, kind: str) -> bpy.types.Object:
     """A floor of 48 x 48 faces below tilted leaves of 0.25 m; returns the floor."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=48, y_subdivisions=48, size=4.0)
     floor = bpy.context.object
-    if not layers:
-        return floor
     rng = np.random.default_rng(0)
     count = layers * SIDE * SIDE
     i, j, k = np.unravel_index(np.arange(count), (layers, SIDE, SIDE))
@@ -91,8 +86,3 @@ def _mean(floor: bpy.types.Object) -> float:
     colors = np.empty(4 * len(data), np.float32)
     data.foreach_get("color", colors)
     return float(colors.reshape(-1, 4)[:, 1].mean())
-
-
-def median(seconds: list[float]) -> float:
-    """For the table."""
-    return statistics.median(seconds)

@@ -45,7 +45,7 @@ def test_stack_of_cards(falloff, heights, alpha):
     exact, out = of_stack(falloff, heights, alpha)
     assert baked.grey[0] == pytest.approx(exact, abs=EXACT)
     assert baked.sums.miss[0] == pytest.approx(out, abs=EXACT)
-    np.testing.assert_allclose(baked.white()[0], baked.grey[0], atol=1e-5)  # all of one colour
+    np.testing.assert_allclose(baked.white[0], baked.grey[0], atol=1e-5)  # all of one colour
     np.testing.assert_allclose(baked.r_ave, 0.5, rtol=1e-6)
 
 
@@ -53,13 +53,13 @@ def test_stack_of_cards(falloff, heights, alpha):
 @pytest.mark.parametrize("count", [1, 30])
 def test_what_lets_all_light_through_is_as_if_absent(falloff, count):
     baked = stack(np.linspace(0.1, 0.9, count), 1.0).bake(BakeSettings(64, distance=1.0, falloff=falloff))
-    np.testing.assert_allclose(baked.white(), 1.0, atol=1e-6)
+    np.testing.assert_allclose(baked.white, 1.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("falloff", [Falloff.STEP, Falloff.LINEAR])
 def test_never_darker_than_opaque_and_half_way_between(falloff):
     settings = BakeSettings(256, distance=1.0, falloff=falloff)
-    opaque, half, clear = (stack((0.3,), t).bake(settings).white()[0] for t in (0.0, 0.5, 1.0))
+    opaque, half, clear = (stack((0.3,), t).bake(settings).white[0] for t in (0.0, 0.5, 1.0))
     np.testing.assert_allclose(half, 0.5 * (opaque + clear), atol=1e-6)
     assert (opaque < half).all()
     assert (half < clear).all()
@@ -78,6 +78,8 @@ def test_a_filter_colours_what_is_behind_it(falloff):
     hit = closed_forms.planes(falloff, 0.4) - miss[2]
     out = miss[0] + red * (miss[1] - miss[0]) + red**2 * (miss[2] - miss[1])
     np.testing.assert_allclose(through.coloured[0], red**2 * green * hit + out * through.r_ave, atol=EXACT)
+    if falloff is Falloff.STEP:
+        np.testing.assert_allclose(through.white[0], out, atol=EXACT)
     grey, near = red.mean(), [closed_forms.planes(falloff, q) - m for q, m in zip((0.1, 0.2), miss, strict=False)]
     exact = (1 - grey) * (near[0] + grey * near[1]) + grey**2 * hit
     exact += miss[0] + grey * (miss[1] - miss[0]) + grey**2 * (miss[2] - miss[1])

@@ -30,7 +30,17 @@ LIGHTMAP_PLOT = HERE.parent / "docs" / "images" / "lightmap_error.svg"
 SCALING_SIZES = (10_000, 31_684, 100_489, 315_844, 1_000_000)  # faces of square grids, half a decade apart
 STREAMS_FACES, STREAMS_RAYS = 31_684, (16, 64, 1024, 4096)
 MEMORY_SIZE = 8192  # of a lightmap
-NAMES = ("trace_rate", "whole_bake", "scaling", "streams", "cycles_ao", "light_error", "lightmap", "animation")
+NAMES = (
+    "trace_rate",
+    "whole_bake",
+    "scaling",
+    "streams",
+    "cycles_ao",
+    "foliage",
+    "light_error",
+    "lightmap",
+    "animation",
+)
 
 
 def main() -> None:

@@ -29,6 +29,7 @@ def text(results: Path, more: dict[str, Callable[[dict], str]]) -> str:
         "scaling": _scaling,
         "streams": _streams,
         "cycles_ao": _cycles_ao,
+        "foliage": _foliage,
         **more,
     }
     parts = [_HEAD]
@@ -96,6 +97,33 @@ def _whole_bake(results: list[dict]) -> str:
         f"{r['rays']:,} rays, those for the error estimate included. Seconds per phase; embreex's copying of triangles "
         "into its buffers is part of build and given apart.\n\n"
         + markdown_table([*names, "of build: copying", "whole / trace", "without copying (aim: 1.5)"], rows)
+    )
+
+
+def _foliage(results: list[dict]) -> str:
+    rows = []
+    for r in results:
+        opaque = r["seconds"]["opaque"]
+        ratio = {
+            kind: statistics.median(s / o for s, o in zip(r["seconds"][kind], opaque, strict=True))
+            for kind in ("half", "cut-out")
+        }
+        rows.append(
+            [
+                str(r["layers"]),
+                f"{statistics.median(opaque):.2f}",
+                *(f"{ratio[kind]:.1f}" for kind in ratio),
+                *(f"{r['means'][kind]:.3f}" for kind in ("opaque", *ratio)),
+            ]
+        )
+    return (
+        "## Transparent foliage\n\nA floor below layers of 256 tilted leaf cards each, opaque, with an alpha of one "
+        f"half, or cut out by a texture to the half; {results[0]['rays']:,} rays from the floor. Seconds of tracing "
+        "below opaque leaves, how many times that the others take, and the mean green of the floor.\n\n"
+        + markdown_table(
+            ["layers", "opaque, s", "half: times", "cut-out: times", "opaque", "half", "cut-out"],
+            rows,
+        )
     )
 
 

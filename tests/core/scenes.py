@@ -14,6 +14,13 @@ from obscurance_addon.core.monitor import Monitor
 from obscurance_addon.core.obscurance.bake import Obscurances, bake_obscurances
 from obscurance_addon.core.scene.patches import Patches, Surfaces
 from obscurance_addon.core.scene.solids import solid_triangles
+from obscurance_addon.core.scene.transmission import (
+    Lookup,
+    Transmission,
+    join_transmissions,
+    opacity,
+    windowless_shells,
+)
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.intersector import BruteForceIntersector
 
@@ -29,6 +36,8 @@ class Mesh:
     face: np.ndarray  # (t,) int64, ascending
     reflectance: np.ndarray  # (f, 3) float32
     emission: np.ndarray | None = None  # (f, 3) float32 radiant exitance, None for dark ones
+    transmission: np.ndarray | None = None  # (f, 3) float32, None for opaque ones
+    lookup: Lookup | None = None  # tells transmission place by place; its mean is `transmission`
 
     @property
     def faces(self) -> int:
@@ -39,6 +48,27 @@ class Mesh:
 
     def shining(self, exitance: Sequence[float]) -> Mesh:
         return replace(self, emission=np.tile(np.float32(exitance), (self.faces, 1)))
+
+    def letting_through(self, transmission: float | Sequence[float], lookup: Lookup | None = None) -> Mesh:
+        """Transparent, all over alike or as looked up with this mean; what is left of it has the colour that it had."""
+        mean = np.tile(np.float32(np.broadcast_to(transmission, 3)), (self.faces, 1))
+        return replace(
+            self, reflectance=self.reflectance * (1.0 - mean.mean(1, keepdims=True)), transmission=mean, lookup=lookup
+        )
+
+    def opacity(self) -> np.ndarray:
+        """(f,) mean opacity of each face."""
+        return np.ones(self.faces) if self.transmission is None else opacity(self.transmission)
+
+    def passing(self) -> Transmission | None:
+        """What passes the triangles."""
+        if self.transmission is None:
+            return None
+        uniform = Transmission.uniform(self.transmission[self.face])
+        if self.lookup is None:
+            return uniform
+        every = np.arange(len(self.triangles), dtype=np.int32)
+        return Transmission(uniform.mean, every, self.corners(), every, np.zeros_like(every), (self.lookup,))
 
     def emitted(self) -> np.ndarray:
         """(f, 3) radiant exitance of each face."""
@@ -115,6 +145,12 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
     )
 
 
+def solid_of(m: Mesh) -> np.ndarray:
+    """(t,) bool: triangles of closed solids that no light passes."""
+    solid, passing = solid_triangles(m.vertices, m.triangles), m.passing()
+    return solid if passing is None else solid & windowless_shells(m.vertices, m.triangles, passing.mean.any(1))
+
+
 def welded(m: Mesh) -> Mesh:
     """The mesh with equal vertices merged."""
     vertices, index = np.unique(m.vertices, axis=0, return_inverse=True)
@@ -178,6 +214,16 @@ class Scene:
     others: Patches
     materials: PatchMaterials
 
+    def bake_all(self, settings: BakeSettings | None = None, **kw: object) -> Obscurances:
+        """`bake` with the reflectance and opacity of the patches, so that hidden ones are left out of R_ave."""
+        n = len(self.patches)
+        return self.bake(
+            settings,
+            patch_reflectance=self.materials.reflectance[:n],
+            patch_opacity=self.materials.opacity_of(slice(n)),
+            **kw,
+        )
+
     def bake(self, settings: BakeSettings | None = None, *, brute: bool = False, **kw: object) -> Obscurances:
         """Bake with Embree, or with the brute force reference."""
         if brute:
@@ -223,10 +269,11 @@ def scene(baked: Sequence[Mesh], others: Sequence[Mesh] = (), ids: np.ndarray | 
         all_of_it.vertices,
         all_of_it.triangles,
         all_of_it.reflectance[all_of_it.face],
-        np.concatenate([solid_triangles(m.vertices, m.triangles) for m in everything]),
+        np.concatenate([solid_of(m) for m in everything]),
         starts,
         all_of_it.emitted()[all_of_it.face],
         all_of_it.face.astype(np.int32),
+        transmission=join_transmissions([(len(m.triangles), m.passing()) for m in everything]),
     )
     ids = np.arange(patches.faces, dtype=np.uint32) if ids is None else ids
     with np.errstate(invalid="ignore", over="ignore"):
@@ -239,7 +286,11 @@ def scene(baked: Sequence[Mesh], others: Sequence[Mesh] = (), ids: np.ndarray | 
             Patches.none()
             if around is None
             else Patches(around.corners(), around.face, np.arange(1 << 20, (1 << 20) + around.faces, dtype=np.uint32)),
-            PatchMaterials(all_of_it.reflectance.astype(float), all_of_it.emitted().astype(float)),
+            PatchMaterials(
+                all_of_it.reflectance.astype(float),
+                all_of_it.emitted().astype(float),
+                opacity=None if surfaces.transmission is None else np.concatenate([m.opacity() for m in everything]),
+            ),
         )
 
 

@@ -212,5 +212,11 @@ def _same_shape(one: MeshArrays, other: MeshArrays) -> bool:
 
 
 def _same_look(one: ObjectSnapshot, other: ObjectSnapshot) -> bool:
-    """Whether the faces of two snapshots of one mesh have the same colours."""
-    return all(same_numbers(a, b) for a, b in zip(shade(one), shade(other), strict=True))
+    """Whether the faces of two snapshots of one mesh have the same colours.
+
+    Where rays pass through the holes of a texture, values of faces do not tell.
+    """
+    if any(shading.transmission_varies() for shading in (*one.shadings, *other.shadings)):
+        return False
+    pairs = zip(shade(one), shade(other), strict=True)
+    return all(a is b or (a is not None and b is not None and same_numbers(a, b)) for a, b in pairs)

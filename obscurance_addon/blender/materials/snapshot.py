@@ -1,9 +1,10 @@
-"""Diffuse reflectance and emission per face from Blender's materials.
+"""Diffuse reflectance, emission and transmission per face from Blender's materials.
 
 `snapshot_material` reads a node tree on the main thread into a `Shading`, which knows nothing of Blender;
 `shade_faces` turns shadings into values per face in any thread. Nodes are understood as Cycles renders them, as far
-as they say how much light a face scatters diffusely and emits. What depends on the view, the light or the position
-(Fresnel, procedural textures) has no value per face: the socket that it feeds keeps its own value, and a note says so.
+as they say how much light a face scatters diffusely, emits and lets through. What depends on the view, the light or
+the position (Fresnel, procedural textures) has no value per face: the socket that it feeds keeps its own value, and a
+note says so.
 """
 
 from __future__ import annotations
@@ -46,7 +47,10 @@ def snapshot_material(material: bpy.types.Material | None, notes: Notes, images:
         shading = Shading()
         reader.note("there is no Material Output node, so the surface counts as black", cure="add one")
     else:
-        shading = reader.surface_at(Input(end.inputs["Surface"], None))
+        surface = Input(end.inputs["Surface"], None)
+        is_volume_alone = surface.origin() is None and Input(end.inputs["Volume"], None).origin() is not None
+        # Nothing but a volume is no surface at all, as in Cycles.
+        shading = Shading(transmission=Constant((1.0,))) if is_volume_alone else reader.surface_at(surface)
         if end.inputs["Displacement"].is_linked and material.displacement_method != "BUMP":
             reader.note("surfaces are displaced in renders only, so they are baked where the mesh is", cure=_DISPLACE)
     reader.tell(notes, "in materials", material.name)

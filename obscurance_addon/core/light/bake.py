@@ -15,15 +15,7 @@ from ..monitor import Monitor
 from ..notes import named
 from ..obscurance import error_sample, half_difference, obscurances_in
 from ..sampling import allocate_rays
-from ..scene import (
-    Normalisation,
-    Patches,
-    Surfaces,
-    fill_invalid,
-    mean_reflectance,
-    prepare_cells,
-    usable_triangles,
-)
+from ..scene import Normalisation, Patches, Surfaces, fill_invalid, prepare_cells, usable_triangles
 from ..settings import BakeSettings
 from ..tracing import BLOCK_RAYS, BuiltScene, EmbreeIntersector, Intersector, build_scene
 from .direct import LitScene
@@ -95,6 +87,7 @@ def bake_light(
             settings,
             neighbours=neighbours,
             patch_reflectance=materials.seen_reflectance()[:n_baked],
+            patch_opacity=materials.opacity_of(slice(n_baked)),
             monitor=monitor,
             block_rays=block_rays,
         )
@@ -125,13 +118,12 @@ def bake_light(
     fill_invalid(values, exposed > 0.0, np.zeros(3), neighbours)
     parts = [part for part in (obscurances, lit, indirect) if part is not None]
     reflectors = indirect.reflectors if indirect else None
+    r_ave = obscurances.r_ave if obscurances else lit.mean_reflectance(surfaces, n_baked)
     return BakedLight(
         radiance=values / np.pi,
         rmse=rmse / np.pi,
         exposed=exposed,
-        r_ave=obscurances.r_ave
-        if obscurances
-        else mean_reflectance(surfaces, lit.whole_area[:n_baked], exposed, materials.seen_reflectance()[:n_baked]),
+        r_ave=r_ave,
         d_max=bare.d_max,
         rays=sum(part.rays for part in parts),
         error_rays=sum(part.error_rays for part in parts),
@@ -192,6 +184,8 @@ def light_warnings(lit: LitPatches, emitted: np.ndarray, light: LightSettings) -
         warnings.append(f"lights that reach no surface: {named(unreached)}; {cure}")
     if not lit.scene.sources and not lit.scene.world.any():
         warnings.append("nothing shines on the scene, so its light is black: add a light, or bake OBSCURANCE")
+    if light.quantity is Quantity.RADIOSITY and lit.scene.traced.transparency is not None:
+        warnings.append("radiosity takes transparent faces for opaque ones: bake COMBINED, or hide them from renders")
     from_emission = light.ambient is Ambient.EMISSION and light.quantity in _WITH_AMBIENT
     if from_emission and lit.unshot.any() and not emitted.any():
         warnings.append(

@@ -13,9 +13,22 @@ import numpy as np
 
 from ..sampling import UNIT
 from ..settings import BakeSettings
-from ..tracing import BLOCK_RAYS, FAR, PatchSamples, TracedScene, pass_doubled_faces, shadowed, starts_inside
+from ..tracing import (
+    BLOCK_RAYS,
+    FAR,
+    LEAST_LIGHT,
+    MAX_SURFACES,
+    Hits,
+    Passage,
+    PatchSamples,
+    TracedScene,
+    pass_doubled_faces,
+    shadowed,
+    starts_inside,
+)
 from .emitters import EmissiveTriangles
 from .lamps import Lamp, LightSource
+from .visibility import light_share
 
 SPARSE_RAYS = 4  # a patch at least, to tell how open a scene is
 OPENNESS_RAYS = 1 << 15  # in all, shared out by area: one large face may be most of a scene
@@ -200,12 +213,20 @@ class _ShadowRays:
             if len(lit):
                 self.tried[index] = True
                 distance = sample.distance[lit] if source.casts_shadow else np.zeros(len(lit), np.float32)
+                share = np.float32(1.0)
                 if source.casts_shadow or may_be_inside[lit].any():
-                    lit = lit[~shadowed(traced, origins[lit], sample.direction[lit], distance, may_be_inside[lit])]
+                    rays = origins[lit], sample.direction[lit], distance, may_be_inside[lit]
+                    if traced.transparency is None:
+                        lit = lit[~shadowed(traced, *rays)]
+                    else:
+                        share = light_share(traced, *rays)
+                        lit, share = lit[share.any(1)], share[share.any(1)]
                 if len(lit):
                     self.reached[index] = True
             irradiance = np.zeros((m * n, 3), np.float32)
             irradiance[lit] = sample.received[lit] * cosine[lit, None]
+            if len(lit):
+                irradiance[lit] *= share
             total += irradiance.reshape(m, n, 3).sum(1, dtype=np.float64)
             self.progress(m * n)
         self.sums[cells] += total
@@ -226,15 +247,65 @@ class _FarRays:
         origins, directions = self.samples.origins(cells, samples), self.samples.directions(cells, samples)
         hits = traced.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
         pass_doubled_faces(traced, cells, n, origins, directions, FAR, hits)
-        met = hits.triangle >= 0
+        cosine = samples[4].ravel()
+        found, inside, stopped = self._found(hits, directions, cosine)
+        if traced.transparency is not None:
+            self._go_on(origins, directions, hits, cosine, found, inside, stopped)
         if self.scene.shines_on_rays:
-            found = np.where(met[:, None], np.float32(0.0), self._sky)
-            if self.scene.emitters is not None:
-                found += self.scene.emitters.met(hits, directions, samples[4].ravel())
             self.sums[cells, :3] += found.reshape(m, n, 3).sum(1, dtype=np.float64)
         if traced.solid is not None:
-            inside = starts_inside(traced, directions, hits)
-            met &= ~inside
             self.sums[cells, _DROPPED] += np.count_nonzero(inside.reshape(m, n), axis=1)
-        self.sums[cells, _HIT] += np.count_nonzero(met.reshape(m, n), axis=1)
+        self.sums[cells, _HIT] += stopped.reshape(m, n).sum(1, dtype=np.float64)
         self.progress(m * n)
+
+    def _found(
+        self, hits: Hits, directions: np.ndarray, cosine: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What rays (n,) bring that met these hits, (n, 3); if they start in a solid; if something stops them."""
+        traced, met = self.scene.traced, hits.triangle >= 0
+        found = np.zeros((len(met), 3), np.float32)
+        if self.scene.shines_on_rays:
+            found += np.where(met[:, None], np.float32(0.0), self._sky)
+            if self.scene.emitters is not None:
+                found += self.scene.emitters.met(hits, directions, cosine)
+        inside = np.zeros(len(met), bool)
+        if traced.solid is not None:
+            inside = met & starts_inside(traced, directions, hits)
+        return found, inside, (met & ~inside).astype(np.float32)
+
+    def _go_on(
+        self,
+        origins: np.ndarray,
+        directions: np.ndarray,
+        hits: Hits,
+        cosine: np.ndarray,
+        found: np.ndarray,
+        inside: np.ndarray,
+        stopped: np.ndarray,
+    ) -> None:
+        """Add what rays find behind transparent surfaces to what `_found` says of their first hits."""
+        traced = self.scene.traced
+        rays = np.flatnonzero(traced.transparency.lets_through(hits.triangle))
+        passage, light = (
+            Passage(traced.intersector, origins, directions, FAR, hits, rays),
+            np.ones((len(rays), 4), np.float32),
+        )
+        stopped[rays] = 0.0
+        for _ in range(MAX_SURFACES):
+            if not len(passage.rays):
+                return
+            transmission, _ = passage.looked_up(traced.transparency)
+            stopped[passage.rays] += light[:, 3] * (1.0 - transmission[:, 3])
+            light *= transmission
+            onward = traced.transparency.lets_through(passage.triangle) & (light.max(1) > LEAST_LIGHT)
+            passage.keep(onward)
+            light = light[onward]
+            passage.go_on()
+            behind = passage.rays
+            brought, within, _ = self._found(passage.hits(), passage.directions, cosine[behind])
+            found[behind] += light[:, :3] * brought
+            inside[behind] = within
+            stopped[behind[within]] = 0.0
+            out = passage.triangle >= 0
+            passage.keep(out & ~within)
+            light = light[out & ~within]

@@ -166,11 +166,11 @@ def _ambient(
     light: LightSettings,
 ) -> AmbientLight:
     """The ambient light once `left` (3,) W of the scattered direct light is unshot."""
-    areas = lit.materials.given(lit.area)
-    area = areas.sum()
+    areas, opaque = lit.materials.given(lit.area), lit.materials.given(lit.opaque_area())
+    area = opaque.sum()
     if not area > 0.0:
         return AmbientLight(np.zeros(3), r_ave, 0.0, settings.use_bleeding)
-    openness = float(np.clip(1.0 - areas @ lit.direct.hit_share / area, 0.0, 1.0))
+    openness = float(np.clip(1.0 - opaque @ lit.direct.hit_share / area, 0.0, 1.0))
     if light.ambient is Ambient.EMISSION:
         scattered = areas @ lit.unshot
         share = np.where(scattered > 0.0, left / np.where(scattered > 0.0, scattered, 1.0), 1.0)

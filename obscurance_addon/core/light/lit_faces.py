@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..monitor import Monitor
-from ..scene import Surfaces, mean_reflectance
+from ..scene import Surfaces
 from ..settings import BakeSettings
 from ..tracing import BLOCK_RAYS
 from .ambient import AmbientLight
@@ -85,9 +85,7 @@ def light_up_faces(
         scene,
         reflectance,
         emission,
-        mean_reflectance(
-            surfaces, lit.whole_area[:n_faces], lit.direct.valid[:n_faces], materials.seen_reflectance()[:n_faces]
-        ),
+        lit.mean_reflectance(surfaces, n_faces),
         light_warnings(lit, emitted, light),
         rays=lit.rays,
         error_rays=lit.error_rays,

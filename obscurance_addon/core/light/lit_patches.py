@@ -8,6 +8,7 @@ import numpy as np
 
 from ..monitor import Monitor
 from ..sampling import allocate_rays
+from ..scene import Surfaces, mean_reflectance
 from ..settings import BakeSettings
 from .direct import OPENNESS_RAYS, DirectLight, LitScene, gather_direct_light, share_by_area
 from .records import LightSources, PatchMaterials
@@ -58,6 +59,16 @@ class LitPatches:
         return self.whole_area @ self.materials.given(self.materials.emission) + sum(
             lamp.flux() for lamp in sources.lamps
         )
+
+    def opaque_area(self) -> np.ndarray:
+        """Area (p,) outside of solids that stops light, square metres."""
+        return self.area if self.materials.opacity is None else self.area * self.materials.opacity
+
+    def mean_reflectance(self, surfaces: Surfaces, n: int) -> np.ndarray:
+        """R_ave (3,) of the scene's surfaces, of which the first n patches were baked."""
+        own = slice(n)
+        reflectance, opacity = self.materials.seen_reflectance()[own], self.materials.opacity_of(own)
+        return mean_reflectance(surfaces, self.whole_area[own], self.direct.valid[own], reflectance, opacity)
 
     def unshot_filled(self) -> np.ndarray:
         """`unshot_again` with `unshot` where there is none, (p, 3) float64."""

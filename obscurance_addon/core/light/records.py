@@ -37,11 +37,14 @@ class PatchMaterials:
         Radiant exitance, W/m^2.
     gives : ndarray, (p,) bool, or None
         False for patches whose colour and light nothing else sees; None where all is seen.
+    opacity : ndarray, (p,) float64, or None
+        Share of the light that they stop; None where all are opaque.
     """
 
     reflectance: np.ndarray
     emission: np.ndarray
     gives: np.ndarray | None = None
+    opacity: np.ndarray | None = None
 
     def given(self, values: np.ndarray) -> np.ndarray:
         """Values (p, ...) of patches, 0 where nothing else sees them."""
@@ -50,6 +53,10 @@ class PatchMaterials:
     def seen_reflectance(self) -> np.ndarray:
         """`reflectance`, NaN where nothing else sees it."""
         return self.reflectance if self.gives is None else np.where(self.gives[:, None], self.reflectance, np.nan)
+
+    def opacity_of(self, patches: slice) -> np.ndarray | None:
+        """That of some patches; None where all are opaque."""
+        return None if self.opacity is None else self.opacity[patches]
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,13 @@ import numpy as np
 from ..sampling import BELOW_ONE, ascending_ends, hash32, pick, sample_cosine_hemisphere, sample_triangle, unit_points
 from ..scene import LUMINANCE
 from ..settings import BakeSettings
-from ..tracing import scramble_of, shadowed
+from ..tracing import scramble_of
 from ..workers import workers
 from .direct import LitScene
 from .form_factors import triangle_form_factors
 from .lamps import TINY
 from .reflectors import MAX_AUTOMATIC, Reflectors
+from .visibility import visible_share
 
 MAX_OTHER_RECEIVERS = 4096  # patches that are not baked count only in a sum, for which a sample is enough
 
@@ -251,8 +252,9 @@ class _Pairs:
             factor *= leaving * np.take(self.kernel_area, other) / square
         seen = np.flatnonzero((factor > 0.0) & (leaving > 0.0))
         rays = (np.take(array, seen, axis=0) for array in (points, towards, distance))
-        visible = np.zeros(len(points), bool)
-        visible[seen] = ~shadowed(self.traced, *rays, self.partly_inside[patch[seen]])
+        share = visible_share(self.traced, *rays, self.partly_inside[patch[seen]])
+        visible = np.zeros(len(points), share.dtype)
+        visible[seen] = share
         light = (factor / number).astype(np.float32)[:, None] * np.take(self.power, chosen, axis=0)
         if near:
             return _by_visible_share(light, visible, arrives, number), len(seen)

@@ -79,6 +79,7 @@ def bake_lightmap(
     *,
     white: bool = True,
     patch_reflectance: np.ndarray | None = None,
+    patch_opacity: np.ndarray | None = None,
     monitor: Monitor | None = None,
     intersector: Callable[..., Intersector] = EmbreeIntersector,
     block_rays: int = BLOCK_RAYS,
@@ -97,7 +98,7 @@ def bake_lightmap(
     lightmap : LightmapSettings
     white : bool
         An open texel is white, as of `Obscurances.white`; else it has the value of the paper (W).
-    patch_reflectance : ndarray, (f, 3) float64, optional
+    patch_reflectance, patch_opacity : ndarray, (f, 3) and (f,) float64, optional
         As for `bake_obscurances`.
     monitor, intersector, block_rays
         As for `bake_obscurances`.
@@ -123,12 +124,12 @@ def bake_lightmap(
     progress = TexelProgress(monitor, settings.rays)
     reference = scattering @ LUMINANCE if is_white_coloured else None
     as_grey = np.full(3, not settings.use_bleeding)
-    tracer = TexelTracer(scene.traced, settings, as_grey, progress.cast, block_rays, reference)
+    tracer = TexelTracer(scene.traced, settings, as_grey, progress.cast, block_rays, reference, guess)
     estimator = _Obscurances(TexelObscurances(tracer, guess, lightmap), guess)
     monitor.phase("trace", int(triangles.texels()))
     pages, counts = estimate_pages(triangles, layout.pages, len(patches), lightmap, estimator, progress, at_once)
     traced = time.perf_counter()
-    r_ave = mean_reflectance(surfaces, face_area, counts.exposed(), patch_reflectance)
+    r_ave = mean_reflectance(surfaces, face_area, counts.exposed(), patch_reflectance, patch_opacity)
     if not is_open_white:
         estimator.open_value = r_ave
     finished = finish_pages(pages, estimator, lightmap, monitor)

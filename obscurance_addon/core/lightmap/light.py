@@ -98,9 +98,17 @@ def bake_light_map(
     faces = light_up_faces(scene, surfaces, n_faces, materials, sources, scale, settings, light, monitor)
     lit = time.perf_counter()
     progress = TexelProgress(monitor, settings.rays * (1 + len(scene.sources)))
+    as_grey = _channels_as_grey(surfaces, settings)
     estimator = _TexelLight(
         faces,
-        TexelTracer(bare.traced, for_texels, _channels_as_grey(surfaces, settings), progress.cast, block_rays),
+        TexelTracer(
+            bare.traced,
+            for_texels,
+            as_grey,
+            progress.cast,
+            block_rays,
+            open_value=np.where(as_grey, 1.0, faces.r_ave),
+        ),
         light,
         lightmap,
         factor / np.pi,

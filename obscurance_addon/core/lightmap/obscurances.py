@@ -63,6 +63,9 @@ class TexelTracer:
     block_rays : int
     white_reference : float, optional
         As of `white_hits`, for the obscurances of a white layer; else they are W.
+    open_value : ndarray, (3,), optional
+        Of a texel whose rays all miss, as well as it is known: what light is worth that coloured transparent surfaces
+        let through.
     """
 
     scene: TracedScene
@@ -71,6 +74,7 @@ class TexelTracer:
     progress: Callable[[int], None]
     block_rays: int
     white_reference: float | None = None
+    open_value: np.ndarray | None = None
 
     def trace(
         self, texels: Texels, chosen: np.ndarray, *, factor: int = 1, replicate: int = 0, with_distances: bool = False
@@ -92,6 +96,9 @@ class TexelTracer:
         added = np.where(self.as_grey, hit[:, 3:], hit[:, :3])
         if self.white_reference is not None:
             added = white_hits(hit, self.white_reference)
+        if whole.tint is not None and self.open_value is not None:
+            tint = (whole.tint + parts.tint) / share[:, None]
+            added = added + np.where(self.as_grey, 0.0, tint * self.open_value)
         values = np.column_stack([added, miss / share])
         found = TexelValues(values, valid, whole.rays + parts.rays, len(valid))
         if whole.nearness is None:

@@ -15,11 +15,13 @@ from .bake import (
     precision_warnings,
 )
 from .estimator import Caster, ObscuranceSums, Progress
+from .layers import Layered
 from .objects import bake_objects
 from .white import white_hits, white_warnings
 
 __all__ = [
     "Caster",
+    "Layered",
     "ObscuranceSums",
     "Obscurances",
     "Progress",

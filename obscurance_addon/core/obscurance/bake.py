@@ -97,6 +97,7 @@ def bake_obscurances(
     *,
     neighbours: tuple[np.ndarray, np.ndarray] | None = None,
     patch_reflectance: np.ndarray | None = None,
+    patch_opacity: np.ndarray | None = None,
     monitor: Monitor | None = None,
     intersector: Callable[[np.ndarray, np.ndarray, Callable[[int], None]], Intersector] = EmbreeIntersector,
     block_rays: int = BLOCK_RAYS,
@@ -114,6 +115,8 @@ def bake_obscurances(
         Pairs (patch, node): patches that share a node are neighbours, from which invalid patches take their value.
     patch_reflectance : ndarray, (p, 3) float, optional
         Mean reflectance of each patch; with it, R_ave leaves out what lies inside of solids.
+    patch_opacity : ndarray, (p,) float, optional
+        Mean opacity of each patch; 1 by default.
     monitor : Monitor, optional
     intersector : callable
         Builds the ray tracer from normalised vertices, triangles and a progress callback.
@@ -141,6 +144,7 @@ def bake_obscurances(
         settings,
         neighbours=neighbours,
         patch_reflectance=patch_reflectance,
+        patch_opacity=patch_opacity,
         monitor=monitor,
         block_rays=block_rays,
         rays=None if held is None else held.rays,
@@ -157,6 +161,7 @@ def obscurances_in(
     *,
     neighbours: tuple[np.ndarray, np.ndarray] | None,
     patch_reflectance: np.ndarray | None,
+    patch_opacity: np.ndarray | None,
     monitor: Monitor,
     block_rays: int,
     rays: np.ndarray | None = None,
@@ -181,7 +186,8 @@ def obscurances_in(
 
     of_all, hidden = surface_sums(surfaces), np.zeros(4)
     if patch_reflectance is not None:
-        hidden = hidden_sums(traced.cells.area * normalisation.scale**2, sums.valid, patch_reflectance)
+        area = traced.cells.area * normalisation.scale**2
+        hidden = hidden_sums(area, sums.valid, patch_reflectance, patch_opacity)
     r_ave, scattering = mean_of_sums(of_all[:4], hidden), scattering_mean(of_all[4:])
     values, again = (patch_values(s, r_ave, scattering, settings.use_bleeding) for s in (sums, second))
     again[~(sample & (sums.valid > 0.0) & (second.valid > 0.0))] = np.nan
@@ -230,7 +236,7 @@ def patch_values(sums: ObscuranceSums, r_ave: np.ndarray, scattering: np.ndarray
         return np.repeat(grey, 7, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         white = white_hits(sums.hit / sums.valid[:, None], scattering @ LUMINANCE)
-        white += (sums.miss / sums.valid)[:, None]
+        white += sums.missed() / sums.valid[:, None]
     return np.hstack([sums.coloured(r_ave), grey, white])
 
 

@@ -14,10 +14,22 @@ import numpy as np
 from ..falloff import Falloff, apply_falloff
 from ..sampling import allocate_rays
 from ..settings import BakeSettings
-from ..tracing import BLOCK_RAYS, FAR, NEAR, Hits, PatchSamples, TracedScene, pass_doubled_faces, starts_inside
+from ..tracing import (
+    BLOCK_RAYS,
+    FAR,
+    NEAR,
+    Hits,
+    PatchSamples,
+    TracedScene,
+    first_opaque,
+    pass_doubled_faces,
+    starts_inside,
+)
 from ..workers import workers
+from .layers import Layered, sum_layers
 
 _MISS, _DROPPED, _NEARNESS = 4, 5, 6  # columns of the cell sums behind rho R_red, rho R_green, rho R_blue, rho
+_TINT = slice(-3, None)  # the last ones, where something is transparent
 
 Progress = Callable[[int], None]
 
@@ -32,7 +44,7 @@ class ObscuranceSums:
         Mean of rho R per RGB channel and of rho over rays that hit, times their share. Without bleeding the first three
         columns are 0.
     miss : ndarray, (p,) float64
-        Share of rays that met nothing nearer than d_max.
+        Share of rays that met nothing nearer than d_max, or of their light, without colour.
     valid : ndarray, (p,) float64
         Share of rays that did not start inside of a solid; 0 where a patch has no usable surface or is all inside.
     rays : int
@@ -42,6 +54,8 @@ class ObscuranceSums:
         distance, in normalised units. Known where it was asked for, as is
     nearest : ndarray, (p,) float64, or None
         the shortest distance.
+    tint : ndarray, (p, 3) float64, or None
+        What coloured transparent surfaces add to `miss` per RGB channel; None where nothing is transparent.
     """
 
     hit: np.ndarray
@@ -50,6 +64,7 @@ class ObscuranceSums:
     rays: int
     nearness: np.ndarray | None = None
     nearest: np.ndarray | None = None
+    tint: np.ndarray | None = None
 
     def grey(self) -> np.ndarray:
         """Obscurances without colour (eq. 2), (p,) float64 in 0 .. 1; NaN for invalid patches."""
@@ -60,7 +75,11 @@ class ObscuranceSums:
         """Obscurances with colour bleeding (eqs. 5, 6) for the mean reflectance (3,); (p, 3), NaN if invalid."""
         with np.errstate(invalid="ignore", divide="ignore"):
             # In this order a patch whose rays all miss is R_ave to the last bit.
-            return self.hit[:, :3] / self.valid[:, None] + (self.miss / self.valid)[:, None] * r_ave
+            return self.hit[:, :3] / self.valid[:, None] + self.missed() / self.valid[:, None] * r_ave
+
+    def missed(self) -> np.ndarray:
+        """Share of the light that met nothing nearer than d_max, (p, 1) float64, or (p, 3) where it may be coloured."""
+        return self.miss[:, None] if self.tint is None else self.miss[:, None] + self.tint
 
 
 def gather_obscurances(
@@ -135,7 +154,8 @@ class Caster:
         per_patch = allocate_rays(scene.cells.area, settings) if rays is None else rays
         how = {"keeps_tables": self.keeps_tables, "favours_directions": self.favours_directions}
         self.samples = PatchSamples(scene.cells, ids, per_patch, settings, replicate, block_rays, **how)
-        self.sums = np.zeros((6 + with_distances, len(scene.cells.patch)))
+        columns = 6 + with_distances + 3 * (scene.transparency is not None)
+        self.sums = np.zeros((columns, len(scene.cells.patch)))
         self.nearest = np.full(len(scene.cells.patch), FAR, np.float64) if with_distances else None
 
     def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
@@ -155,10 +175,11 @@ class Caster:
             self.progress(len(origins))
             return
         hits, dropped = self.first_hits(cells, origins, directions, limits, limit)
+        layered = self.layered(cells, origins, directions, limit, hits, dropped)
         if unbounded:
             hits.triangle[(hits.distance >= scene.limit) & ~dropped] = -1
             np.minimum(hits.distance, scene.limit, out=hits.distance)
-        self._weigh(cells, n, hits.distance, hits.triangle, dropped)
+        self._weigh(cells, n, hits.distance, hits.triangle, dropped, layered)
         self.progress(len(origins))
 
     def blocked(self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
@@ -181,12 +202,41 @@ class Caster:
         pass_doubled_faces(self.scene, cells, len(origins) // len(cells), origins, directions, limit, hits)
         return hits, None if self.scene.solid is None else starts_inside(self.scene, directions, hits)
 
+    def layered(
+        self,
+        cells: np.ndarray,
+        origins: np.ndarray,
+        directions: np.ndarray,
+        limit: np.float32,
+        hits: Hits,
+        dropped: np.ndarray | None,
+    ) -> Layered | None:
+        """What rays of the cells (m,) meet one after the other whose first hit is transparent; None where nothing is.
+
+        Enters in `dropped` those that turn out to start inside of a solid.
+        """
+        if self.scene.transparency is None:
+            return None
+        layered = sum_layers(self.scene, origins, directions, limit, hits)
+        if dropped is not None:
+            dropped[layered.rays] = layered.inside
+        return layered
+
     def _weigh(
-        self, cells: np.ndarray, n: int, distance: np.ndarray, triangle: np.ndarray, dropped: np.ndarray | None
+        self,
+        cells: np.ndarray,
+        n: int,
+        distance: np.ndarray,
+        triangle: np.ndarray,
+        dropped: np.ndarray | None,
+        layered: Layered | None,
     ) -> None:
         """Add what the rays met, by distance and colour, to the sums of their cells."""
         scene, sums = self.scene, self.sums
         met = triangle >= 0
+        if layered is not None:
+            met[layered.rays] = True
+            self._add_layers(cells, n, layered)
         if self.nearest is not None:
             of_cell = np.maximum(distance, NEAR).reshape(-1, n)
             sums[_NEARNESS, cells] += (1.0 / of_cell).sum(1)
@@ -198,6 +248,8 @@ class Caster:
             rho = apply_falloff(scene.falloff, distance)
             if dropped is not None:
                 rho[dropped] = 0.0
+            if layered is not None:
+                rho[layered.rays] = 0.0
             self._add_hits(cells, n, rho, triangle)
         sums[_MISS, cells] += n - np.count_nonzero(met.reshape(-1, n), axis=1)
 
@@ -210,6 +262,15 @@ class Caster:
         else:
             rho *= triangle >= 0
             self.sums[3, cells] += rho.reshape(-1, n).sum(1)
+
+    def _add_layers(self, cells: np.ndarray, n: int, layered: Layered) -> None:
+        """Add what rays found that passed transparent surfaces; ray by ray, so that blocks make no difference."""
+        of = layered.rays // n
+        tint = layered.miss[:, :3] - layered.miss[:, 3:]
+        columns = np.column_stack([layered.hit, layered.miss[:, 3], tint]).T
+        added = np.stack([np.bincount(of, column, len(cells)) for column in columns])
+        self.sums[: _MISS + 1, cells] += added[: _MISS + 1]
+        self.sums[_TINT, cells] += added[_MISS + 1 :]
 
     def cast_all(self) -> None:
         """Add all rays of all cells to their sums; without limit those of patches that a first ray finds inside."""
@@ -259,10 +320,14 @@ class Caster:
         self.cast(again, unbounded=True)
 
     def probe(self, cells: np.ndarray) -> tuple[np.ndarray, Hits]:
-        """Directions (m, 3) and unlimited hits of the first ray of each cell (m,)."""
+        """Directions (m, 3) and unlimited hits of the first ray of each cell (m,), behind what is transparent."""
         samples = self.samples.first(cells)
         origins, directions = self.samples.origins(cells, samples), self.samples.directions(cells, samples)
-        return directions, self.scene.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
+        scene = self.scene
+        hits = scene.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
+        if scene.transparency is not None:
+            first_opaque(scene.intersector, scene.transparency, origins, directions, FAR, hits)
+        return directions, hits
 
     def patch_sums(self) -> ObscuranceSums:
         """Cells weighed by area into patches."""
@@ -277,4 +342,5 @@ class Caster:
         if self.nearest is not None:
             nearness, nearest = columns[_NEARNESS], np.full(len(cells.area), FAR, np.float64)
             np.minimum.at(nearest, cells.patch, self.nearest)
-        return ObscuranceSums(np.stack(columns[:4], -1), columns[_MISS], valid, self.rays, nearness, nearest)
+        tint = None if self.scene.transparency is None else np.stack(columns[_TINT], -1)
+        return ObscuranceSums(np.stack(columns[:4], -1), columns[_MISS], valid, self.rays, nearness, nearest, tint)

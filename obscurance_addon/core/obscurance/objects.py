@@ -44,5 +44,6 @@ def bake_objects(
         settings or BakeSettings(),
         neighbours=joined.neighbours,
         patch_reflectance=joined.patch_reflectance,
+        patch_opacity=joined.patch_opacity,
         monitor=monitor,
     )

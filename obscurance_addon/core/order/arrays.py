@@ -9,8 +9,8 @@ import numpy as np
 from ..errors import GeometryError
 from ..light import PatchMaterials
 from ..notes import Notes
-from ..scene import Patches, Surfaces, solid_triangles
-from ..shading import shade_faces
+from ..scene import Patches, Surfaces, join_opacities, join_transmissions, occluding, solid_triangles
+from ..shading import DEFAULT_REFLECTANCE, FaceShading, shade_faces
 from .output import Target
 from .patch_parts import (
     PatchPart,
@@ -18,10 +18,10 @@ from .patch_parts import (
     baked_part,
     faces_with_triangles,
     other_part,
-    seen_reflectance,
     unbaked_faces,
 )
 from .snapshot import ObjectSnapshot, SceneSnapshot
+from .traced_parts import material_slots, traced_surfaces
 
 MAX_TRIANGLES = 60_000_000  # about 12 GiB in the ray tracer; instances count each time
 
@@ -84,12 +84,12 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
             "can be traced: hide distant instances from renders"
         )
     notes = Notes()
-    shaded: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray]] = {}  # instances that look the same are shaded once
+    shaded: dict[tuple[int, ...], FaceShading] = {}  # instances that look the same are shaded once
     worlds = []
     for ob in objects:
         key = (id(ob.mesh), id(ob.surface), *map(id, ob.shadings))
         if key not in shaded:
-            shaded[key] = shade(ob)
+            shaded[key] = shade(ob, needs_light)
         worlds.append(WorldObject.of(ob, shaded[key]))
     parts = [baked_part(baked, world, target) for baked, world in zip(snapshot.baked, worlds, strict=False)]
     for ob, world in zip(objects, worlds, strict=True):
@@ -97,6 +97,7 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
     others, owners = [], list(range(len(parts)))  # owners: the object of each part
     for number, (ob, world) in enumerate(zip(objects, worlds, strict=True) if needs_light else ()):
         faces = unbaked_faces(ob.mesh) if number < len(parts) else faces_with_triangles(ob.mesh)
+        faces &= ~world.is_absent()
         if faces.any():
             others.append(other_part(ob, world, number, faces))
             owners.append(number)
@@ -111,7 +112,8 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
         materials=PatchMaterials(
             np.concatenate([part.reflectance for part in everything]),
             np.concatenate([part.emission for part in everything]),
-            _given(objects, owners, everything),
+            gives=_given(objects, owners, everything),
+            opacity=join_opacities([(len(part.ids), part.opacity) for part in everything]),
         ),
         neighbours=(
             np.concatenate([part.element_patch_of_node + first for part, first in zip(parts, starts, strict=False)]),
@@ -136,15 +138,18 @@ def _note_shape(ob: ObjectSnapshot, world: WorldObject, notes: Notes) -> None:
         notes.add(what, ob.name, cure="set the scale, or hide them from renders")
 
 
-def shade(ob: ObjectSnapshot) -> tuple[np.ndarray, np.ndarray]:
-    """Reflectance and emission (f, 3) of the faces."""
-    return shade_faces(ob.shadings, material_slots(ob), ob.surface)
+def shade(ob: ObjectSnapshot, needs_light: bool = False) -> FaceShading:
+    """What the faces scatter, emit and let through.
 
-
-def material_slots(ob: ObjectSnapshot) -> np.ndarray:
-    """Which of the shadings each face has, (f,); the last one stands for faces of objects without slots."""
-    slots = len(ob.shadings) - 1
-    return np.clip(ob.mesh.face_material, 0, max(slots - 1, 0))  # beyond the slots the last one counts, as in Cycles
+    Without light, faces that shine and scatter nothing have the reflectance of a surface without a material: how much
+    of the ambient light a lamp keeps away is not told by what it emits.
+    """
+    found = shade_faces(ob.shadings, material_slots(ob), ob.surface)
+    lamps = found.emission.any(1) & ~found.reflectance.any(1)
+    if not needs_light and lamps.any():
+        opaque = 1.0 if found.transmission is None else 1.0 - found.transmission[lamps]
+        found.reflectance[lamps] = DEFAULT_REFLECTANCE * opaque
+    return found
 
 
 def _given(objects: list[ObjectSnapshot], owners: list[int], parts: list[PatchPart]) -> np.ndarray | None:
@@ -180,30 +185,25 @@ def _join_surfaces(
         if id(ob.mesh) not in solids:
             solids[id(ob.mesh)] = solid_triangles(ob.mesh.positions, ob.mesh.corner_vertex[ob.mesh.triangle_corners])
         solid.append(solids[id(ob.mesh)])
-    vertex_starts = np.cumsum([0] + [len(world.vertices) for world in worlds])
-    triangle_starts = np.cumsum([0] + [len(world.triangles) for world in worlds])
-    pairs = zip(worlds, vertex_starts, strict=False)
-    patch = np.full(triangle_starts[-1], -1, np.int32)
+    scene_patch = [np.full(len(ob.mesh.face_start) - 1, -1, np.int64) for ob in objects]
     for owner, of_face, first in zip(owners, face_patches, first_patch, strict=False):
-        if not objects[owner].gives_color:
-            continue
-        of_triangle = of_face[objects[owner].mesh.triangle_face]
-        known = np.flatnonzero(of_triangle >= 0)
-        patch[triangle_starts[owner] + known] = of_triangle[known] + first
+        if objects[owner].gives_color:
+            scene_patch[owner][of_face >= 0] = of_face[of_face >= 0] + first
+    parts = [traced_surfaces(*each) for each in zip(objects, worlds, solid, scene_patch, strict=True)]
+    vertex_starts = np.cumsum([0] + [len(part.vertices) for part in parts])
+    triangle_starts = np.cumsum([0] + [len(part.triangles) for part in parts])
     return Surfaces(
-        vertices=np.concatenate([world.vertices for world in worlds]),
-        triangles=np.concatenate([world.triangles + np.int32(first) for world, first in pairs]),
-        reflectance=np.concatenate([seen_reflectance(*pair) for pair in zip(objects, worlds, strict=True)]),
-        solid=np.concatenate(solid),
-        object_starts=triangle_starts[:-1],
-        emission=np.concatenate(
-            [
-                world.emission[ob.mesh.triangle_face] * np.float32(ob.gives_color)
-                for ob, world in zip(objects, worlds, strict=True)
-            ]
+        vertices=np.concatenate([part.vertices for part in parts]),
+        triangles=np.concatenate(
+            [part.triangles + np.int32(first) for part, first in zip(parts, vertex_starts, strict=False)]
         ),
-        patch=patch,
+        reflectance=np.concatenate([part.reflectance for part in parts]),
+        solid=np.concatenate([part.solid for part in parts]),
+        object_starts=triangle_starts[:-1],
+        emission=np.concatenate([part.emission for part in parts]),
+        patch=np.concatenate([part.patch for part in parts]),
+        transmission=join_transmissions([(len(part.triangles), part.transmission) for part in parts]),
         occludes=None
-        if all(ob.occludes for ob in objects)
-        else np.concatenate([np.full(len(ob.mesh.triangle_corners), ob.occludes) for ob in objects]),
+        if all(part.occludes is None for part in parts)
+        else np.concatenate([occluding(part) for part in parts]),
     )

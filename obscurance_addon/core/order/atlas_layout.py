@@ -18,6 +18,7 @@ from ..lightmap import (
     unwrap,
 )
 from ..notes import Notes, named
+from ..shading import FaceShading
 from .arrays import ObjectRange
 from .patch_parts import WorldObject
 from .snapshot import ObjectSnapshot, SceneSnapshot
@@ -80,7 +81,7 @@ def lay_out(
         When the unwrapper is missing or fails.
     """
     objects = [baked.snapshot for baked in snapshot.baked]
-    worlds = [WorldObject.of(ob, (np.zeros((0, 3)), np.zeros((0, 3)))) for ob in objects]
+    worlds = [WorldObject.of(ob, FaceShading(np.zeros((0, 3)), np.zeros((0, 3)), None)) for ob in objects]
     if lightmap.uv_mode is UvMode.KEEP:
         places, notes = _kept(objects, worlds)
         pages = 1 + int(max(of.page.max(initial=-1) for of in places))

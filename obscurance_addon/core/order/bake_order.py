@@ -136,6 +136,7 @@ class BakeOrder:
                 arrays.patches,
                 self.settings,
                 patch_reflectance=arrays.materials.seen_reflectance(),
+                patch_opacity=arrays.materials.opacity,
                 **common,
             )
         values, rmse = self._scaled(result)
@@ -200,6 +201,7 @@ class BakeOrder:
                 self.lightmap,
                 white=self.output.scale is Scale.WHITE,
                 patch_reflectance=arrays.materials.seen_reflectance(),
+                patch_opacity=arrays.materials.opacity,
                 **common,
             )
         report = BakeReport(

@@ -6,11 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..scene import Patches, SceneObject, Surfaces, join_objects, solid_triangles
+from ..scene import Patches, SceneObject, join_objects, solid_triangles
 from .arrays import shade
 from .output import Target
-from .patch_parts import WorldObject, baked_part, seen_reflectance
+from .patch_parts import WorldObject, baked_part
 from .snapshot import BakedObject, MeshArrays, ObjectSnapshot
+from .traced_parts import traced_surfaces
 
 
 class ObjectArrays:
@@ -28,14 +29,14 @@ class ObjectArrays:
 
     def occluder(self, ob: ObjectSnapshot) -> SceneObject:
         """An object that only occludes."""
-        surfaces = self._surfaces(ob, WorldObject.of(ob, shade(ob)), None)
+        surfaces = traced_surfaces(ob, WorldObject.of(ob, shade(ob)), self._solid_triangles(ob.mesh), None)
         return SceneObject(surfaces, Patches.none(), np.zeros((0, 3)), None)
 
     def baked(self, baked: BakedObject) -> tuple[SceneObject, np.ndarray]:
         """An object that receives values, and the patch (n,) int of each element of its unmodified mesh."""
         world = WorldObject.of(baked.snapshot, shade(baked.snapshot))
         part = baked_part(baked, world, self._target)
-        surfaces = self._surfaces(baked.snapshot, world, part.face_patch)
+        surfaces = traced_surfaces(baked.snapshot, world, self._solid_triangles(baked.snapshot.mesh), part.face_patch)
         if baked.beside is not None:
             own = SceneObject(surfaces, Patches.none(), np.zeros((0, 3)))
             surfaces = join_objects([own, self.occluder(baked.beside)]).surfaces
@@ -45,6 +46,7 @@ class ObjectArrays:
                 Patches(part.cells, part.patch, part.ids),
                 part.reflectance if baked.snapshot.gives_color else np.full_like(part.reflectance, np.nan),
                 (part.element_patch_of_node, part.node),
+                part.opacity,
             ),
             part.element_patch,
         )
@@ -53,16 +55,6 @@ class ObjectArrays:
         """Forget all other meshes."""
         kept = {id(mesh) for mesh in meshes}
         self._solid = {key: found for key, found in self._solid.items() if key in kept}
-
-    def _surfaces(self, ob: ObjectSnapshot, world: WorldObject, face_patch: np.ndarray | None) -> Surfaces:
-        return Surfaces(
-            vertices=world.vertices,
-            triangles=world.triangles,
-            reflectance=seen_reflectance(ob, world),
-            solid=self._solid_triangles(ob.mesh),
-            patch=None if face_patch is None else face_patch[ob.mesh.triangle_face].astype(np.int32),
-            occludes=None if ob.occludes else np.zeros(len(ob.mesh.triangle_corners), bool),
-        )
 
     def _solid_triangles(self, mesh: MeshArrays) -> np.ndarray:
         if id(mesh) not in self._solid:

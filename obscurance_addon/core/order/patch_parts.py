@@ -8,9 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..sampling import hash32
-from ..scene import corner_cells, face_of_corner, finite_or_nan, smooth_fans, triangle_areas
+from ..scene import corner_cells, face_of_corner, finite_or_nan, opacity, smooth_fans, triangle_areas
+from ..shading import FaceShading
 from .output import Target
 from .snapshot import BakedObject, MeshArrays, ObjectSnapshot
+
+_ALL = 1.0 - 1e-6  # of the light
 
 
 @dataclass(frozen=True)
@@ -23,9 +26,10 @@ class WorldObject:
     triangles: np.ndarray  # (t, 3) vertex indices
     reflectance: np.ndarray  # (f, 3) float32
     emission: np.ndarray  # (f, 3) float32
+    transmission: np.ndarray | None  # (f, 3) float32, None where all are opaque
 
     @classmethod
-    def of(cls, ob: ObjectSnapshot, shading: tuple[np.ndarray, np.ndarray]) -> WorldObject:
+    def of(cls, ob: ObjectSnapshot, shading: FaceShading) -> WorldObject:
         mesh = ob.mesh
         matrix = ob.matrix if np.isfinite(ob.matrix).all() else np.full((4, 4), np.nan)
         vertices = finite_or_nan(finite_or_nan(mesh.positions) @ matrix[:3, :3].T + matrix[:3, 3])
@@ -35,17 +39,17 @@ class WorldObject:
             corners = corners[:, ::-1]
         return cls(vertices, finite, corners, mesh.corner_vertex[corners], *shading)
 
+    def is_absent(self) -> np.ndarray:
+        """(f,) bool: faces that let all light through, such as those of materials that have nothing but a volume."""
+        if self.transmission is None:
+            return np.zeros(len(self.reflectance), bool)
+        return (self.transmission >= _ALL).all(1) & ~self.reflectance.any(1) & ~self.emission.any(1)
+
     def flattened(self, ob: ObjectSnapshot) -> int:
         """Along how many axes a scale of 0 took away area, 0 if it took none."""
         matrix = ob.matrix[:3, :3]
         lost = 3 - int(np.linalg.matrix_rank(matrix)) if np.isfinite(matrix).all() else 0
         return lost if lost and not triangle_areas(self.vertices[self.triangles]).all() else 0
-
-
-def seen_reflectance(ob: ObjectSnapshot, world: WorldObject) -> np.ndarray:
-    """Reflectance (t, 3) of triangles as others see them, NaN where they do not."""
-    seen = world.reflectance[ob.mesh.triangle_face]
-    return seen if ob.gives_color else np.full_like(seen, np.nan)
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,7 @@ class PatchPart:
     ids: np.ndarray
     reflectance: np.ndarray
     emission: np.ndarray
+    opacity: np.ndarray | None
     face_patch: np.ndarray  # of each evaluated face; -1 where it is not one patch
     element_patch: np.ndarray
     element_patch_of_node: np.ndarray
@@ -86,7 +91,7 @@ def baked_part(baked: BakedObject, world: WorldObject, target: Target) -> PatchP
     if (np.diff(element) < 0).any():
         order = np.argsort(element, kind="stable")
         cells, element, source_face = cells[order], element[order], source_face[order]
-    reflectance, emission = _patch_means(cells, element, source_face, n_patches, world)
+    reflectance, emission, opaque = _patch_means(cells, element, source_face, n_patches, world)
     name = np.uint32(zlib.crc32(baked.snapshot.name.encode()))
     return PatchPart(
         cells=cells,
@@ -94,6 +99,7 @@ def baked_part(baked: BakedObject, world: WorldObject, target: Target) -> PatchP
         ids=hash32(np.arange(n_patches, dtype=np.uint32) ^ hash32(name)),
         reflectance=reflectance,
         emission=emission,
+        opacity=opaque,
         face_patch=face_patch,
         element_patch=element_patch,
         element_patch_of_node=linked,
@@ -125,7 +131,7 @@ def other_part(ob: ObjectSnapshot, world: WorldObject, number: int, faces: np.nd
     n_patches = int(np.count_nonzero(faces))
     face_patch = np.where(faces, np.cumsum(faces) - 1, -1)
     cells, patch = world.vertices[world.triangles[kept]], face_patch[face]
-    reflectance, emission = _patch_means(cells, patch, face, n_patches, world)
+    reflectance, emission, opaque = _patch_means(cells, patch, face, n_patches, world)
     name = hash32(np.uint32(zlib.crc32(ob.name.encode()))) ^ np.uint32(number)
     nothing = np.zeros(0, np.int64)
     return PatchPart(
@@ -134,6 +140,7 @@ def other_part(ob: ObjectSnapshot, world: WorldObject, number: int, faces: np.nd
         ids=hash32(np.arange(n_patches, dtype=np.uint32) ^ hash32(name)),
         reflectance=reflectance,
         emission=emission,
+        opacity=opaque,
         face_patch=face_patch,
         element_patch=nothing,
         element_patch_of_node=nothing,
@@ -144,16 +151,20 @@ def other_part(ob: ObjectSnapshot, world: WorldObject, number: int, faces: np.nd
 
 def _patch_means(
     cells: np.ndarray, patch: np.ndarray, face: np.ndarray, n_patches: int, world: WorldObject
-) -> tuple[np.ndarray, np.ndarray]:
-    """Area means (p, 3) of reflectance and emission over patches whose cells lie on the evaluated faces `face`."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Area means over patches whose cells lie on the evaluated faces `face`.
+
+    Reflectance and emission (p, 3), and opacity (p,), None where all are opaque.
+    """
     area = triangle_areas(cells)
     area[~np.isfinite(area)] = 0.0
     total = np.maximum(np.bincount(patch, area, n_patches), np.finfo(float).tiny)[:, None]
-    reflectance, emission = (
-        np.stack([np.bincount(patch, area * column, n_patches) for column in per_face[face].T], -1) / total
-        for per_face in (world.reflectance, world.emission)
-    )
-    return reflectance, emission
+
+    def mean(per_face: np.ndarray) -> np.ndarray:
+        return np.stack([np.bincount(patch, area * column, n_patches) for column in per_face[face].T], -1) / total
+
+    transmission = world.transmission
+    return mean(world.reflectance), mean(world.emission), None if transmission is None else opacity(mean(transmission))
 
 
 def _face_patches(mesh: MeshArrays, target: Target) -> np.ndarray:

@@ -8,8 +8,9 @@ import numpy as np
 
 from ..lightmap import AtlasLayout
 from ..shading import SurfaceArrays, shade_faces
-from .arrays import BakeArrays, material_slots
+from .arrays import BakeArrays
 from .snapshot import ObjectSnapshot
+from .traced_parts import material_slots
 
 # A triangle of half a texel about the middle of each, over which textures are averaged; in texels.
 _AROUND = np.array([[-0.5, -1.0 / 3.0], [0.5, -1.0 / 3.0], [0.0, 2.0 / 3.0]])
@@ -49,9 +50,8 @@ class TexelMaterials:
             if np.linalg.det(ob.matrix[:3, :3]) < 0.0:  # the layout has their corners the other way round
                 corners = corners[..., ::-1]
             surface = _small_triangles(ob.surface, own, corners.astype(np.float32))
-            reflectance[of], emission[of] = shade_faces(
-                ob.shadings, material_slots(ob)[ob.mesh.triangle_face[own]], surface
-            )
+            shaded = shade_faces(ob.shadings, material_slots(ob)[ob.mesh.triangle_face[own]], surface)
+            reflectance[of], emission[of] = shaded.reflectance, shaded.emission
         return reflectance, emission
 
     def _barycentric(self, triangle: np.ndarray, place: np.ndarray) -> np.ndarray:

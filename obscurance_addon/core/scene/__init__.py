@@ -7,7 +7,7 @@ mean reflectance, and objects joined into one scene.
 from .corners import corner_cells, face_of_corner, smooth_fans
 from .filling import fill_invalid
 from .meshes import mesh_object
-from .objects import SceneObject, join_objects, same_numbers
+from .objects import SceneObject, join_objects, join_opacities, occluding, same_numbers
 from .patches import (
     OFFSET,
     Cells,
@@ -24,15 +24,26 @@ from .patches import (
 from .reflectance import LUMINANCE, hidden_sums, mean_of_sums, mean_reflectance, scattering_mean, surface_sums
 from .solids import connected_components, finite_or_nan, solid_triangles
 from .strands import balls, thinned, tubes
+from .transmission import (
+    LEAST_TRANSMISSION,
+    Lookup,
+    Transmission,
+    join_transmissions,
+    opacity,
+    windowless_shells,
+)
 
 __all__ = [
+    "LEAST_TRANSMISSION",
     "LUMINANCE",
     "OFFSET",
     "Cells",
+    "Lookup",
     "Normalisation",
     "Patches",
     "SceneObject",
     "Surfaces",
+    "Transmission",
     "as_triangles",
     "balls",
     "bounding_box",
@@ -44,9 +55,13 @@ __all__ = [
     "hidden_sums",
     "join_cells",
     "join_objects",
+    "join_opacities",
+    "join_transmissions",
     "mean_of_sums",
     "mean_reflectance",
     "mesh_object",
+    "occluding",
+    "opacity",
     "prepare_cells",
     "same_numbers",
     "scattering_mean",
@@ -57,4 +72,5 @@ __all__ = [
     "triangle_areas",
     "tubes",
     "usable_triangles",
+    "windowless_shells",
 ]

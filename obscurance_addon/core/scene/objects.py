@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .patches import Patches, Surfaces
+from .transmission import join_transmissions
 
 
 @dataclass(frozen=True)
@@ -24,15 +25,21 @@ class SceneObject:
         Mean reflectance of each patch; NaN where nothing sees its colour.
     neighbours : tuple of two ndarray (m,) int, or None
         Pairs (patch, node) as `bake_obscurances` takes them.
+    opacity : ndarray, (p,) float, or None
+        Mean opacity of each patch; None for opaque ones.
     """
 
     surfaces: Surfaces
     patches: Patches
     reflectance: np.ndarray
     neighbours: tuple[np.ndarray, np.ndarray] | None = None
+    opacity: np.ndarray | None = None
 
     def has_shape_of(self, other: SceneObject) -> bool:
-        """Whether the two differ in nothing but colours."""
+        """Whether the two differ in nothing but colours; where rays pass is a matter of shape."""
+        one, two = self.surfaces.transmission, other.surfaces.transmission
+        if not (two is None if one is None else one.equals(two)):
+            return False
         mine, others = (
             (s.vertices, s.triangles, s.solid, occluding(s), p.corners, p.patch, p.ids, *(neighbours or ()))
             for s, p, neighbours in ((o.surfaces, o.patches, o.neighbours) for o in (self, other))
@@ -57,12 +64,14 @@ class JoinedObjects:
     patch_reflectance : ndarray, (p, 3) float64
     neighbours : tuple of two ndarray (m,) int, or None
         Nodes of different objects stay apart.
+    patch_opacity : ndarray, (p,) float64, or None
     """
 
     surfaces: Surfaces
     patches: Patches
     patch_reflectance: np.ndarray
     neighbours: tuple[np.ndarray, np.ndarray] | None
+    patch_opacity: np.ndarray | None
 
 
 def join_objects(objects: Iterable[SceneObject]) -> JoinedObjects:
@@ -87,6 +96,7 @@ def join_objects(objects: Iterable[SceneObject]) -> JoinedObjects:
             occludes=np.concatenate([np.zeros(0, bool), *map(occluding, surfaces)])
             if any(s.occludes is not None for s in surfaces)
             else None,
+            transmission=join_transmissions([(len(s.triangles), s.transmission) for s in surfaces]),
         ),
         Patches(
             np.concatenate([np.zeros((0, 3, 3)), *(p.corners for p in patches)]),
@@ -95,12 +105,20 @@ def join_objects(objects: Iterable[SceneObject]) -> JoinedObjects:
         ),
         np.concatenate([np.zeros((0, 3)), *(o.reflectance for o in objects)]),
         tuple(map(np.concatenate, zip(*neighbours, strict=True))) if neighbours else None,
+        join_opacities([(len(o.patches), o.opacity) for o in objects]),
     )
 
 
 def occluding(surfaces: Surfaces) -> np.ndarray:
     """(t,) bool: the triangles that rays meet."""
     return np.ones(len(surfaces.triangles), bool) if surfaces.occludes is None else surfaces.occludes
+
+
+def join_opacities(parts: Sequence[tuple[int, np.ndarray | None]]) -> np.ndarray | None:
+    """Opacity (p,) of the patches of several objects, given the number of each one's; None if all are opaque."""
+    if all(part is None for _, part in parts):
+        return None
+    return np.concatenate([np.ones(count) if part is None else part for count, part in parts])
 
 
 def _starts(counts: Iterable[int]) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import GeometryError
 from ..sampling import orthonormal_frames
 from ..workers import workers
+from .transmission import Transmission
 
 # Rays start this fraction of the largest coordinate of their cell above it, in coordinates centred on the scene: a
 # hundred times the rounding error of float32 positions. docs/theory.md, "Numerical hazards", has the measurements.
@@ -52,6 +53,9 @@ class Surfaces:
         The patch of which each triangle is a part, -1 for none; only radiosity needs it.
     occludes : ndarray, (t,) bool, or None
         False for triangles that no ray meets, although they may shine and count in R_ave; None where all occlude.
+    transmission : Transmission or None
+        What passes the triangles; None where all are opaque. The reflectance of transparent ones is of all the light
+        that falls on them: that of what stops light times the opacity.
     """
 
     vertices: np.ndarray
@@ -62,6 +66,7 @@ class Surfaces:
     emission: np.ndarray | None = None
     patch: np.ndarray | None = None
     occludes: np.ndarray | None = None
+    transmission: Transmission | None = None
 
     def only(self, kept: np.ndarray, vertices: np.ndarray) -> Surfaces:
         """Some of the triangles (k,) int, with other positions (v, 3) of all vertices; objects are not told apart."""
@@ -72,6 +77,7 @@ class Surfaces:
             self.reflectance[kept],
             self.solid[kept],
             **{name: None if values is None else values[kept] for name, values in rest.items()},
+            transmission=None if self.transmission is None else self.transmission.only(kept),
         )
 
 

@@ -1,13 +1,14 @@
-"""What materials scatter and emit, as expressions over a mesh.
+"""What materials scatter, emit and let through, as expressions over a mesh.
 
 In go expressions that were read from node trees, textures, and the UV maps and colours of a mesh. Out come
-reflectance and emission per face.
+reflectance, emission and transmission per face.
 """
 
 from . import arithmetic
 from .arithmetic import lerp, luminance, mean, saturate, shares_removed, tame
 from .expressions import BLACK, AttributeSample, Constant, Expression, ImageSample, UVProjection, apply
-from .shading import DEFAULT_REFLECTANCE, MAX_EMISSION, Shading, shade_faces
+from .places import PlaceLookup
+from .shading import DEFAULT_REFLECTANCE, MAX_EMISSION, FaceShading, Shading, shade_faces
 from .surfaces import NO_TRIANGLES, SurfaceArrays
 from .textures import Texture
 
@@ -19,7 +20,9 @@ __all__ = [
     "AttributeSample",
     "Constant",
     "Expression",
+    "FaceShading",
     "ImageSample",
+    "PlaceLookup",
     "Shading",
     "SurfaceArrays",
     "Texture",

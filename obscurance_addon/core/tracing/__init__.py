@@ -14,10 +14,13 @@ from .reach import SceneSize, scene_size
 from .samples import BLOCK_RAYS, TABLE_ROWS, PatchSamples, scramble_of
 from .splitting import make_intersector
 from .traced_scene import FAR, NEAR, TracedScene, limit_and_scale, needs_palette, palette_colours
+from .transparency import LEAST_LIGHT, MAX_SURFACES, Passage, Transparency, first_opaque
 
 __all__ = [
     "BLOCK_RAYS",
     "FAR",
+    "LEAST_LIGHT",
+    "MAX_SURFACES",
     "MISS",
     "NEAR",
     "TABLE_ROWS",
@@ -29,11 +32,14 @@ __all__ = [
     "IntersectorCache",
     "Layer",
     "LayeredIntersector",
+    "Passage",
     "PatchSamples",
     "SceneSize",
     "TracedScene",
+    "Transparency",
     "boxes_in_reach",
     "build_scene",
+    "first_opaque",
     "limit_and_scale",
     "make_intersector",
     "meet_doubled_faces",

@@ -10,6 +10,7 @@ from ..falloff import Falloff
 from ..scene import Cells, Normalisation, Patches, Surfaces, prepare_cells
 from ..settings import BakeSettings
 from .intersector import Intersector
+from .transparency import Transparency
 
 FAR = np.float32(1e30)  # stands for an infinite ray length, so that 0 x length stays 0
 NEAR = np.float32(1e-30)  # the shortest ray length, so that length / length stays 1
@@ -34,6 +35,8 @@ class TracedScene:
     scale : float32
         1 / limit, 0 for an infinite d_max.
     falloff : Falloff
+    transparency : Transparency or None
+        None where everything is opaque.
     """
 
     cells: Cells
@@ -44,11 +47,12 @@ class TracedScene:
     limit: np.float32
     scale: np.float32
     falloff: Falloff
+    transparency: Transparency | None = None
 
     @property
     def needs_only_occlusion(self) -> bool:
-        """STEP asks only whether something was hit, unless the inside of a solid must be told from its outside."""
-        return self.falloff is Falloff.STEP and self.solid is None
+        """STEP asks only whether something was hit, unless solids are told from within, or something is transparent."""
+        return self.falloff is Falloff.STEP and self.solid is None and self.transparency is None
 
 
 def prepare_scene(
@@ -89,6 +93,7 @@ def prepare_scene(
         limit,
         scale,
         settings.falloff,
+        Transparency.of(surfaces.transmission, normalisation),
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..obscurance import Caster, Progress
+from ..obscurance import Caster, Layered, Progress
 from ..settings import BakeSettings
 from ..tracing import (
     MISS,
@@ -21,7 +21,7 @@ from ..tracing import (
     pass_doubled_faces,
     starts_inside,
 )
-from .hit_cache import NEVER, NO_SLOT, HitCache, KeptHits
+from .hit_cache import NEVER, NO_SLOT, SUMS, HitCache, KeptHits
 
 _BLOCK_RAYS = 16384  # per task
 # Of fewer rays, and of those whose static hits are known, most time goes into short steps of numpy, which threads only
@@ -157,7 +157,7 @@ class LayeredCaster(Caster):
         touched = (moved.triangle >= 0).reshape(-1, n).any(1)
         known, sums = self._cache.read_sums(slots, n)
         still = known & ~touched
-        self.sums[:, cells[still]] = sums[:, still]
+        self.sums[:SUMS, cells[still]] = sums[:, still]
         rest = np.flatnonzero(~still)
         if len(rest):
             origins, directions, distance, triangle, normal = (
@@ -166,9 +166,10 @@ class LayeredCaster(Caster):
             kept = self._cache.read(slots[rest], n)
             hits = Hits(distance, np.where(triangle >= 0, triangle, kept.triangle), normal)
             dropped = self._finish(cells[rest], origins, directions, self.scene.limit, hits, kept.inside)
-            self._weigh(cells[rest], n, hits.distance, hits.triangle, dropped)
+            layered = self.layered(cells[rest], origins, directions, self.scene.limit, hits, dropped)
+            self._weigh(cells[rest], n, hits.distance, hits.triangle, dropped, layered)
             new = ~known & ~touched
-            self._cache.write_sums(slots[new], n, self.sums[:, cells[new]])
+            self._cache.write_sums(slots[new], n, self.sums[:SUMS, cells[new]])
         self.progress(len(cells) * n)
 
     def blocked(self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
@@ -197,6 +198,21 @@ class LayeredCaster(Caster):
             far = np.where(hits.triangle >= 0, hits.distance, np.float32(0.0)).reshape(len(cells), -1).max(1)
             self._far_of_cell[cells] = np.maximum(self._far_of_cell[cells], far)
         return hits, dropped
+
+    def layered(
+        self,
+        cells: np.ndarray,
+        origins: np.ndarray,
+        directions: np.ndarray,
+        limit: np.float32,
+        hits: Hits,
+        dropped: np.ndarray | None,
+    ) -> Layered | None:
+        layered = super().layered(cells, origins, directions, limit, hits, dropped)
+        if layered is not None and self._unbounded:
+            n = len(origins) // len(cells)
+            np.maximum.at(self._far_of_cell, cells[layered.rays // n], layered.farthest)
+        return layered
 
     def _hits_with_cache(
         self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray, limit: np.float32
@@ -244,6 +260,9 @@ class LayeredCaster(Caster):
         self._cache.write(self._slots[cells], KeptHits(hits.distance, hits.triangle, inside))
         n = len(origins) // len(cells)
         self._slots[cells[meet_doubled_faces(self.scene, cells, n, hits) // n]] = NEVER
+        if self.scene.transparency is not None:
+            through = np.flatnonzero(self.scene.transparency.lets_through(hits.triangle))
+            self._slots[cells[through // n]] = NEVER
         return hits
 
     def _layers_near(self, cells: np.ndarray) -> list[Layer]:

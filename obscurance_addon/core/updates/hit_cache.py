@@ -13,7 +13,8 @@ import numpy as np
 RAY_BYTES = 8
 SUMS = 6  # numbers that a cell adds up to; each takes the room of a ray
 NO_SLOT = -1
-NEVER = -2  # instead of a slot: rays of the cell pass through doubled faces, what they meet behind depends on movers
+# Instead of a slot: rays of the cell pass doubled or transparent faces, and what they meet behind depends on movers.
+NEVER = -2
 _UNKNOWN = -3  # negative codes below that of a miss
 _FIRST_RAYS = 1 << 16  # room made at first; it doubles whenever it is used up
 _WASTE = 0.25  # share of a full pool that must be of no more use before all of it is given up

@@ -156,13 +156,14 @@ class IncrementalBake:
 
     def _update(self, changes: Mapping[Hashable, SceneObject | None], monitor: Monitor) -> Update:
         scene = self._scene
-        had_solid, patch_counts = scene.layers.has_solid, scene.patch_counts() if scene.has_own_rays else None
+        patch_counts = scene.patch_counts() if scene.has_own_rays else None
+        needed_hits = scene.layers.needs_hits
         change = scene.apply(changes)
         if scene.has_own_rays and scene.patch_counts() != patch_counts:
             scene.share_rays()
             return self._bake_all(monitor, "the number of patches changed, among which rays are shared out")
-        if scene.layers.has_solid != had_solid and self._settings.falloff is Falloff.STEP:
-            return self._bake_all(monitor, "the first solid came, or the last one went")
+        if scene.layers.needs_hits != needed_hits and self._settings.falloff is Falloff.STEP:
+            return self._bake_all(monitor, "the first solid or transparent surface came, or the last one went")
         if scene.cache.is_clogged:
             scene.forget_hits()
         return self._bake_influenced(change, monitor)
@@ -265,6 +266,7 @@ class IncrementalBake:
             if mine.any():
                 for name in ("hit", "miss", "valid"):
                     getattr(state.sums, name)[mine] = getattr(sums, name)[own][mine]
+                state.sums.tint[mine] = 0.0 if sums.tint is None else sums.tint[own][mine]
                 state.probes[mine], state.farthest[mine] = rows[own][mine], caster.farthest[own][mine]
                 at = mine[state.cells.patch]
                 state.slots[:, at] = slots[:, first_cell:end][:, at]

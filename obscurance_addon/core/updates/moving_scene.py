@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..scene import Cells, Normalisation, Surfaces
+from ..scene import Cells, Normalisation, Surfaces, Transmission, join_transmissions
 from ..settings import BakeSettings
 from ..tracing import (
     MISS,
@@ -14,6 +14,7 @@ from ..tracing import (
     Layer,
     LayeredIntersector,
     TracedScene,
+    Transparency,
     limit_and_scale,
     make_intersector,
     needs_palette,
@@ -58,6 +59,7 @@ class MovingScene:
         self._palette, self._solid = np.zeros((1, 4), np.float32), np.zeros(1, bool)
         self._owner = np.full(1, MISS, np.int32)
         self.has_solid = False
+        self._traced: list[ObjectState] = []
 
     def set_static(self, states: list[ObjectState]) -> None:
         """Say what stands still. After the first time only some of these may stay, which keep their numbers."""
@@ -76,7 +78,13 @@ class MovingScene:
         if members != self._resting:
             self._resting, self.resting = members, self._layer(resting)
         self.changed = self._layer(changed)
-        self.has_solid = any(state.is_solid for state in (*self._static, *resting, *changed))
+        self._traced = [*self._static, *resting, *changed]
+        self.has_solid = any(state.is_solid for state in self._traced)
+
+    @property
+    def needs_hits(self) -> bool:
+        """Whether STEP, too, has to know what rays meet: where there are solids, or something transparent."""
+        return self.has_solid or any(state.is_transparent for state in self._traced)
 
     def recolour(self, state: ObjectState) -> None:
         """Take over the colours of an object that has its numbers already."""
@@ -98,7 +106,19 @@ class MovingScene:
             self.limit,
             self.scale,
             self._settings.falloff,
+            Transparency.of(self._transmission(), self._normalisation),
         )
+
+    def _transmission(self) -> Transmission | None:
+        """What passes all triangles, in the order of their numbers; None if all are opaque."""
+        if not any(state.is_transparent for state in self._traced):
+            return None
+        parts, end = [], 0
+        for state in sorted(self._traced, key=lambda state: state.first):
+            first, after = state.numbers()
+            parts += [(first - end, None), (after - first, state.source.surfaces.transmission)]
+            end = after
+        return join_transmissions([*parts, (self._end - end, None)])
 
     def rows_of(self, triangles: np.ndarray) -> np.ndarray:
         """Row of the object of each triangle (m,) int; MISS for MISS."""

@@ -79,10 +79,13 @@ class ObjectState:
         self.usable, self.slender = np.flatnonzero(usable), slender[usable]
         self.box = _grown(_box_around(vertices[surfaces.triangles[self.usable]]))
         self.is_solid = bool(surfaces.solid[self.usable].any())
+        transmission = surfaces.transmission
+        self.is_transparent = transmission is not None and bool(transmission.mean[self.usable].any())
         self.cells = prepare_cells(patches, normalisation, threads=0)
         self.patch_boxes = _patch_boxes(self.cells, len(patches))
         self.slots = np.full((2, len(self.cells.patch)), NO_SLOT, np.int64)
-        self.sums = ObscuranceSums(np.zeros((len(patches), 4)), np.zeros(len(patches)), np.zeros(len(patches)), 0)
+        n = len(patches)
+        self.sums = ObscuranceSums(np.zeros((n, 4)), np.zeros(n), np.zeros(n), 0, tint=np.zeros((n, 3)))
         self.probes = np.full(len(patches), MISS, np.int64)
         self.farthest = np.zeros(len(patches))
         self.first = -1  # none yet
@@ -106,7 +109,7 @@ class ObjectState:
 
     def reflecting_sums(self) -> np.ndarray:
         """`surface_sums`, then the first four of these for what is hidden in solids, (12,) float64."""
-        hidden = hidden_sums(self._patch_area, self.sums.valid, self.source.reflectance)
+        hidden = hidden_sums(self._patch_area, self.sums.valid, self.source.reflectance, self.source.opacity)
         return np.append(self._surface_sums, hidden)
 
     def forget_hits(self, places: np.ndarray | None = None) -> int:

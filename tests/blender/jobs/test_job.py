@@ -9,10 +9,11 @@ import pytest
 from obscurance_addon.blender.writing.values import SceneChangedError
 from obscurance_addon.core.errors import BakeCancelledError, GeometryError, ObscuranceError
 from obscurance_addon.core.light.settings import Quantity
+from obscurance_addon.core.order.arrays import prepare_arrays
+from obscurance_addon.core.order.output import Target
 from tests.blender.helpers import (
     CORNER_LAYER,
     FACE_LAYER,
-    arrays,
     bake,
     baked,
     colors,
@@ -23,6 +24,7 @@ from tests.blender.helpers import (
     material,
     select,
     sheet,
+    snapshot,
 )
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
@@ -347,7 +349,7 @@ def test_emission_reaches_the_patches():
     made.node_tree.links.new(emission.outputs[0], output.inputs["Surface"])
     ob.data.materials.clear()
     ob.data.materials.append(made)
-    made = arrays(ob)
+    made = prepare_arrays(snapshot(ob), Target.FACE, needs_light=True)
     np.testing.assert_allclose(made.materials.emission, np.tile([3 * np.pi, 1.5 * np.pi, 0.0], (4, 1)), rtol=1e-6)
     assert not made.materials.reflectance.any()
 

@@ -121,8 +121,21 @@ def quarters(side=8, **options):
     return make_image(rows, **options)
 
 
-def shade(painted_with, mesh=None, face_material=None, notes=None, images=None):
-    """Reflectance and emission of the faces of a mesh (or of one face without mesh)."""
+def shade(*args, **kw):
+    """Reflectance and emission of the faces of a mesh (or of one face without mesh), as `shading_of`."""
+    found = shading_of(*args, **kw)
+    return found.reflectance, found.emission
+
+
+def transmission_of(tree, mesh=None, notes=None):
+    found = shading_of(tree, mesh, notes=notes)
+    transmission = np.zeros_like(found.reflectance) if found.transmission is None else found.transmission
+    assert transmission.dtype == np.float32
+    return transmission[0] if mesh is None else transmission
+
+
+def shading_of(painted_with, mesh=None, face_material=None, notes=None, images=None):
+    """Values of the faces of a mesh, or of one face without mesh."""
     painted_with = painted_with if isinstance(painted_with, list) else [painted_with]
     found = Notes()
     shadings = [

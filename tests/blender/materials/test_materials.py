@@ -19,6 +19,7 @@ from tests.blender.materials.material_helpers import (
     quads,
     reflectance_of,
     shade,
+    transmission_of,
 )
 
 pytestmark = pytest.mark.usefixtures("empty_scene")
@@ -71,13 +72,13 @@ def test_cycles_output_wins_over_the_output_for_all_renderers():
     ("inputs", "share"),
     [
         ({}, 1.0),
-        ({"Metallic": 0.5}, 0.5),
-        ({"Metallic": 1.0}, 0.0),
+        ({"Metallic": 0.5}, 1.0),
+        ({"Metallic": 1.0}, 1.0),
         ({"Transmission_Weight": 0.25}, 0.75),
-        ({"Metallic": 0.5, "Transmission_Weight": 0.5}, 0.25),
+        ({"Metallic": 0.5, "Transmission_Weight": 0.5}, 0.75),
         ({"Alpha": 0.25}, 0.25),
         ({"Subsurface_Weight": 1.0}, 1.0),
-        ({"Metallic": 0.5, "Transmission_Weight": 0.5, "Alpha": 0.5}, 0.125),
+        ({"Metallic": 0.5, "Transmission_Weight": 0.5, "Alpha": 0.5}, 0.375),
     ],
 )
 def test_principled_diffuse_share(inputs, share):
@@ -125,15 +126,10 @@ def test_eevee_specular():
     "kind",
     [
         "ShaderNodeBackground",
-        "ShaderNodeBsdfGlass",
-        "ShaderNodeBsdfGlossy",
         "ShaderNodeBsdfHair",
         "ShaderNodeBsdfHairPrincipled",
-        "ShaderNodeBsdfMetallic",
-        "ShaderNodeBsdfRefraction",
         "ShaderNodeBsdfSheen",
         "ShaderNodeBsdfTranslucent",
-        "ShaderNodeBsdfTransparent",
         "ShaderNodeHoldout",
         "ShaderNodeVolumePrincipled",
     ],
@@ -202,7 +198,7 @@ def test_white_is_clamped_and_black_stays_black():
 
 def test_nothing_negative_or_infinite_leaves():
     values = Shading(Constant((np.nan, np.inf, -1.0)), Constant((np.nan, np.inf, -1.0)))
-    reflectance, emission = shade_faces([values], np.zeros(2, np.int32), NO_TRIANGLES)
+    reflectance, emission, _ = shade_faces([values], np.zeros(2, np.int32), NO_TRIANGLES)
     close(reflectance, (0.0, MAX_REFLECTANCE, 0.0))
     assert np.isfinite(emission).all()
     assert (emission[:, [0, 2]] == 0.0).all()
@@ -224,8 +220,8 @@ def test_procedural_texture_keeps_the_socket_color_with_a_note_for_each_kind():
     node = tree.principled()
     noise = tree.node("ShaderNodeTexNoise")
     tree.link(noise.outputs["Color"], node.inputs["Base Color"])
-    tree.link(tree.node("ShaderNodeFresnel").outputs[0], node.inputs["Metallic"])
-    node.inputs["Metallic"].default_value = 0.5
+    tree.link(tree.node("ShaderNodeFresnel").outputs[0], node.inputs["Transmission Weight"])
+    node.inputs["Transmission Weight"].default_value = 0.5
     close(reflectance_of(tree, notes=notes), np.multiply(COLOR, 0.5))
     assert len(notes) == 2
     for note, node in zip(sorted(notes), ("Fresnel", "Noise Texture"), strict=True):
@@ -235,8 +231,8 @@ def test_procedural_texture_keeps_the_socket_color_with_a_note_for_each_kind():
 def test_factor_of_a_mix_keeps_its_value():
     tree, notes = Tree("Varnish"), []
     diffuse = tree.node("ShaderNodeBsdfDiffuse", {"Color": (*COLOR, 1)})
-    glossy = tree.node("ShaderNodeBsdfGlossy")
-    mix = tree.node("ShaderNodeMixShader", {"Fac": 0.25, "Shader": diffuse.outputs[0], "Shader_001": glossy.outputs[0]})
+    sheen = tree.node("ShaderNodeBsdfSheen")
+    mix = tree.node("ShaderNodeMixShader", {"Fac": 0.25, "Shader": diffuse.outputs[0], "Shader_001": sheen.outputs[0]})
     tree.link(tree.node("ShaderNodeLayerWeight").outputs[0], mix.inputs[0])
     close(reflectance_of(tree.surface(mix.outputs[0]), notes=notes), np.multiply(COLOR, 0.75))
     assert len(notes) == 1
@@ -276,3 +272,94 @@ def test_displacement_that_renders_only_is_noted(method, told, is_linked):
     lines = [line for line in notes.lines() if "displaced in renders" in line]
     assert len(lines) == told * is_linked
     assert all("'Rough'" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "expected"),
+    [
+        ({}, (0.0, 0.0, 0.0)),
+        ({"Alpha": 0.25}, (0.75, 0.75, 0.75)),
+        ({"Alpha": 0.0}, (1.0, 1.0, 1.0)),
+        ({"Transmission_Weight": 1.0}, np.sqrt(COLOR)),
+        ({"Transmission_Weight": 1.0, "Alpha": 0.5}, 0.5 + 0.5 * np.sqrt(COLOR)),
+        ({"Transmission_Weight": 0.5, "Metallic": 0.5}, 0.25 * np.sqrt(COLOR)),
+        ({"Transmission_Weight": 1.0, "Metallic": 1.0}, (0.0, 0.0, 0.0)),
+    ],
+)
+def test_what_passes_a_principled_surface(inputs, expected):
+    """What passes, is scattered and is hidden by alpha never adds up to more than all light."""
+    tree = Tree()
+    tree.principled(**inputs)
+    close(transmission_of(tree), expected)
+    assert (transmission_of(tree) + reflectance_of(tree) <= 1.0 + 1e-6).all()
+
+
+@pytest.mark.parametrize("kind", ["Transparent", "Glass", "Refraction"])
+def test_clear_shaders_let_their_color_through_and_scatter_nothing(kind):
+    tree, notes = Tree(), []
+    tree.surface(tree.node(f"ShaderNodeBsdf{kind}", {"Color": (*COLOR, 1)}).outputs[0])
+    close(transmission_of(tree, notes=notes), COLOR)
+    close(reflectance_of(tree), 0.0)
+    assert notes == []
+
+
+@pytest.mark.parametrize(("kind", "name"), [("Glossy", "Color"), ("Metallic", "Base Color")])
+def test_metals_reflect_their_color(kind, name):
+    tree = Tree()
+    try:
+        node = tree.node(f"ShaderNodeBsdf{kind}", {name: (*COLOR, 1)})
+    except RuntimeError:
+        pytest.skip("this version has no such node")
+    tree.surface(node.outputs[0])
+    close(reflectance_of(tree), COLOR)
+    close(transmission_of(tree), 0.0)
+
+
+def test_a_physical_conductor_has_the_color_of_its_constants():
+    """Gold at 0.65, 0.55 and 0.45 micrometres: reflectances of Johnson and Christy's constants."""
+    tree = Tree()
+    try:
+        node = tree.node("ShaderNodeBsdfMetallic", fresnel_type="PHYSICAL_CONDUCTOR")
+    except RuntimeError:
+        pytest.skip("this version has no such node")
+    node.inputs["IOR"].default_value, node.inputs["Extinction"].default_value = (0.15, 0.38, 1.45), (3.5, 2.6, 1.88)
+    tree.surface(node.outputs[0])
+    close(reflectance_of(tree), (MAX_REFLECTANCE, 0.826, 0.390), 5e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs", "shares"),
+    [("ShaderNodeMixShader", {"Fac": 0.25}, (0.75, 0.25)), ("ShaderNodeAddShader", {}, (1.0, 1.0))],
+)
+def test_mixed_and_added_transparency(kind, inputs, shares):
+    tree = Tree()
+    diffuse = tree.node("ShaderNodeBsdfDiffuse", {"Color": (*COLOR, 1)})
+    clear = tree.node("ShaderNodeBsdfTransparent", {"Color": (1.0, 0.5, 0.0, 1.0)})
+    node = tree.node(kind, inputs | {"Shader": diffuse.outputs[0], "Shader_001": clear.outputs[0]})
+    tree.surface(node.outputs[0])
+    close(reflectance_of(tree), np.multiply(COLOR, shares[0]))
+    close(transmission_of(tree), np.multiply((1.0, 0.5, 0.0), shares[1]))
+
+
+def test_nothing_but_a_volume_is_no_surface():
+    """A volume under a surface leaves the surface what it is, and no link at all is black and opaque."""
+    tree = Tree()
+    close(transmission_of(tree), 0.0)
+    tree.link(tree.node("ShaderNodeVolumePrincipled").outputs[0], tree.output.inputs["Volume"])
+    close(transmission_of(tree), 1.0)
+    close(reflectance_of(tree), 0.0)
+    tree.diffuse()
+    close(transmission_of(tree), 0.0)
+    close(reflectance_of(tree), COLOR)
+
+
+def test_alpha_of_a_texture_passes_as_its_mean_over_a_face():
+    pixels = np.ones((4, 4, 4), np.float32)
+    pixels[:, 1:, 3] = 0.0
+    tree = Tree()
+    node = tree.principled()
+    tree.link(
+        tree.image(make_image(pixels, byte=False), interpolation="Closest").outputs["Alpha"], node.inputs["Alpha"]
+    )
+    mesh = quads((0, 0, 1, 1), (0, 0, 0.25, 1))
+    close(transmission_of(tree, mesh), [(0.75,) * 3, (0.0,) * 3])

@@ -58,7 +58,7 @@ def test_mix_node_of_numbers_and_its_clamps():
     tree = Tree()
     inputs = {"Factor_Float": 2.0, "A_Float": 0.25, "B_Float": 0.5}
     node = tree.node("ShaderNodeMix", inputs, data_type="FLOAT")
-    tree.link(out_of(node, "Result_Float"), tree.principled().inputs["Metallic"])
+    tree.link(out_of(node, "Result_Float"), tree.principled().inputs["Transmission Weight"])
     close(reflectance_of(tree), np.multiply(COLOR, 0.5))
     node.clamp_factor = False
     close(reflectance_of(tree), np.multiply(COLOR, 0.25))

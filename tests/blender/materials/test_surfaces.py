@@ -63,7 +63,7 @@ def test_a_million_constant_faces_need_no_memory_but_the_result():
     shadings = [Shading(Constant(COLOR), Constant((1.0,))), Shading()] * 8
     faces = np.arange(n, dtype=np.int32) % 16
     tracemalloc.start()
-    reflectance, emission = shade_faces(shadings, faces, NO_TRIANGLES)
+    reflectance, emission, _ = shade_faces(shadings, faces, NO_TRIANGLES)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     # numpy widens the indexes to 8 bytes for each of its two lookups, one after the other.

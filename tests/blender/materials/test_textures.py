@@ -120,7 +120,7 @@ def test_alpha_output_drives_numbers():
 def test_color_becomes_number_by_luminance():
     tree = Tree()
     color = tree.image(make_image(np.full((2, 2, 3), (0.1, 0.2, 0.3)), byte=False)).outputs[0]
-    tree.link(color, tree.principled().inputs["Metallic"])
+    tree.link(color, tree.principled().inputs["Transmission Weight"])
     metallic = 0.2126 * 0.1 + 0.7152 * 0.2 + 0.0722 * 0.3
     close(reflectance_of(tree, quads((0, 0, 1, 1))), np.multiply(COLOR, 1 - metallic))
 

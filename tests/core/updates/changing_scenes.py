@@ -9,25 +9,26 @@ import numpy as np
 from obscurance_addon.core.obscurance.bake import Obscurances, bake_obscurances
 from obscurance_addon.core.scene.objects import SceneObject, join_objects
 from obscurance_addon.core.scene.patches import Patches, Surfaces
-from obscurance_addon.core.scene.solids import solid_triangles
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.build import Held
 from obscurance_addon.core.updates.incremental import IncrementalBake
-from tests.core.scenes import Mesh, box, floor, grid, icosphere, mesh, room, rotation
+from tests.core.scenes import Mesh, box, floor, grid, icosphere, mesh, room, rotation, solid_of
 
 RED, BLUE, GREEN = (0.8, 0.1, 0.1), (0.1, 0.2, 0.9), (0.1, 0.8, 0.2)
 
 
 def scene_object(m: Mesh, first_id: int = 0, *, baked: bool = True) -> SceneObject:
     """A mesh as one object; faces that share a vertex are neighbours."""
-    solid = solid_triangles(m.vertices, m.triangles)
     patch = m.face.astype(np.int32) if baked else None
-    surfaces = Surfaces(m.vertices, m.triangles, m.reflectance[m.face], solid, patch=patch)
+    reflectance = m.reflectance[m.face]
+    surfaces = Surfaces(m.vertices, m.triangles, reflectance, solid_of(m), patch=patch, transmission=m.passing())
     if not baked:
         return SceneObject(surfaces, Patches.none(), np.zeros((0, 3)))
     ids = np.arange(first_id, first_id + m.faces, dtype=np.uint32)
     pairs = np.unique(np.stack([np.repeat(m.face, 3), m.triangles.ravel()]), axis=1)
-    return SceneObject(surfaces, Patches(m.corners(), m.face, ids), m.reflectance.astype(float), tuple(pairs))
+    opacity = None if m.transmission is None else m.opacity()
+    patches = Patches(m.corners(), m.face, ids)
+    return SceneObject(surfaces, patches, m.reflectance.astype(float), tuple(pairs), opacity)
 
 
 def furniture() -> dict[Hashable, Mesh]:
@@ -65,6 +66,7 @@ def full_bake(objects: Mapping[Hashable, SceneObject], settings: BakeSettings, h
         settings,
         neighbours=joined.neighbours,
         patch_reflectance=joined.patch_reflectance,
+        patch_opacity=joined.patch_opacity,
         held=held,
         **kw,
     )

@@ -13,7 +13,7 @@ from obscurance_addon.core.light.settings import LightSettings
 from obscurance_addon.core.monitor import Monitor
 from obscurance_addon.core.obscurance.bake import Obscurances, bake_obscurances
 from obscurance_addon.core.scene.patches import Patches, Surfaces
-from obscurance_addon.core.scene.solids import solid_triangles
+from obscurance_addon.core.scene.solids import Shells, find_shells
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.intersector import BruteForceIntersector
 
@@ -223,22 +223,29 @@ def scene(baked: Sequence[Mesh], others: Sequence[Mesh] = (), ids: np.ndarray | 
         all_of_it.vertices,
         all_of_it.triangles,
         all_of_it.reflectance[all_of_it.face],
-        np.concatenate([solid_triangles(m.vertices, m.triangles) for m in everything]),
+        Shells.joined([find_shells(m.vertices, m.triangles)[0] for m in everything]),
         starts,
         all_of_it.emitted()[all_of_it.face],
         all_of_it.face.astype(np.int32),
     )
     ids = np.arange(patches.faces, dtype=np.uint32) if ids is None else ids
+    shell = np.zeros(all_of_it.faces, np.int32)
+    shell[all_of_it.face] = surfaces.shells.shell
     with np.errstate(invalid="ignore", over="ignore"):
         around = join(others) if others else None
         return Scene(
             surfaces,
-            Patches(patches.corners(), patches.face, ids),
+            Patches(patches.corners(), patches.face, ids, shell[: patches.faces]),
             patches.reflectance,
             patches.areas(),
             Patches.none()
             if around is None
-            else Patches(around.corners(), around.face, np.arange(1 << 20, (1 << 20) + around.faces, dtype=np.uint32)),
+            else Patches(
+                around.corners(),
+                around.face,
+                np.arange(1 << 20, (1 << 20) + around.faces, dtype=np.uint32),
+                shell[patches.faces :],
+            ),
             PatchMaterials(all_of_it.reflectance.astype(float), all_of_it.emitted().astype(float)),
         )
 

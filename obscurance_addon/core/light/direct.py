@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..obscurance import Caster
 from ..sampling import UNIT
 from ..settings import BakeSettings
-from ..tracing import BLOCK_RAYS, FAR, PatchSamples, TracedScene, pass_doubled_faces, shadowed, starts_inside
+from ..tracing import BLOCK_RAYS, FAR, PatchSamples, TracedScene, pass_doubled_faces, shadowed
 from .emitters import EmissiveTriangles
 from .lamps import Lamp, LightSource
 
@@ -102,7 +103,7 @@ def gather_direct_light(
     settings : BakeSettings
         Sampler, seed and threads.
     valid : ndarray, (q,) float64, q <= p, optional
-        Known shares outside of solids of the first patches, from as many rays of the same points.
+        Known shares outside of solids of the first patches; partly hidden ones get more samples.
     with_openness : bool
         Cast rays to find `hit_share`, also where nothing else needs them; else it is 0 there.
     replicate : int
@@ -119,13 +120,19 @@ def gather_direct_light(
     cells, n_patches = scene.traced.cells, len(scene.traced.cells.area)
     every = np.arange(len(cells.patch))
     known = 0 if valid is None else len(valid)
+    if known:  # few samples of a partly hidden patch count
+        per_patch = np.append(per_patch[:known] * Caster.more_rays(valid), per_patch[known:])
     far_rays, openness_rays = per_patch.copy(), share_by_area(cells.area, OPENNESS_RAYS, MAX_OPENNESS_RAYS)
     if not scene.shines_on_rays:  # then they only tell what is inside of solids, and how open the scene is
-        sparse = slice(None) if scene.traced.solid is None else slice(0, known)
+        sparse = slice(None) if scene.traced.bodies is None else slice(0, known)
         far_rays[sparse] = openness_rays[sparse]
     far = _FarRays(scene, PatchSamples(cells, scene.ids, far_rays, settings, replicate, block_rays), progress)
     needed = scene.shines_on_rays or with_openness or known < n_patches
     rays = far.samples.run(every, far.cast) if needed else 0
+    if (suspect := np.bincount(cells.patch, far.sums[:, _DROPPED], n_patches) > 0.0).any():
+        again = np.flatnonzero(suspect[cells.patch])
+        far.sums[again] = 0.0
+        rays += far.samples.run(again, far.cast_thoroughly) + int(far.asked.sum())
 
     def per_patch_mean(sums: np.ndarray, samples: PatchSamples) -> np.ndarray:
         share = cells.weight / samples.count
@@ -191,7 +198,7 @@ class _ShadowRays:
         origins = self.samples.origins(cells, samples)
         normals = np.repeat(traced.cells.frames[cells, 2, 3:], n, axis=0)
         unit = samples[2:4].reshape(2, -1).T
-        may_be_inside = np.repeat(self.partly_inside[cells], n)
+        may_be_inside, rooms = np.repeat(self.partly_inside[cells], n), traced.rooms_of(cells, n)
         total = np.zeros((m, 3))
         for index, source in enumerate(self.scene.sources):
             sample = source.sample(origins, normals, unit)
@@ -201,7 +208,11 @@ class _ShadowRays:
                 self.tried[index] = True
                 distance = sample.distance[lit] if source.casts_shadow else np.zeros(len(lit), np.float32)
                 if source.casts_shadow or may_be_inside[lit].any():
-                    lit = lit[~shadowed(traced, origins[lit], sample.direction[lit], distance, may_be_inside[lit])]
+                    lit = lit[
+                        ~shadowed(
+                            traced, origins[lit], sample.direction[lit], distance, may_be_inside[lit], _of(rooms, lit)
+                        )
+                    ]
                 if len(lit):
                     self.reached[index] = True
             irradiance = np.zeros((m * n, 3), np.float32)
@@ -211,15 +222,25 @@ class _ShadowRays:
         self.sums[cells] += total
 
 
+def _of(rooms: np.ndarray | None, rays: np.ndarray) -> np.ndarray | None:
+    """Rooms of some of the rays, (m,) int."""
+    return None if rooms is None else rooms[rays]
+
+
 class _FarRays:
     """Sums per cell over rays without a limit."""
 
     def __init__(self, scene: LitScene, samples: PatchSamples, progress: Callable[[int], None]) -> None:
         self.scene, self.samples, self.progress = scene, samples, progress
         self.sums = np.zeros((len(scene.traced.cells.patch), 5))
+        self.asked = np.zeros(len(self.sums), np.int64)  # rays that asked bodies, by the first cell of a block
         self._sky = np.float32(np.pi * scene.world)
 
-    def cast(self, cells: np.ndarray, samples: np.ndarray) -> None:
+    def cast_thoroughly(self, cells: np.ndarray, samples: np.ndarray) -> None:
+        """As `cast`, asking each body which rays start inside of it."""
+        self.cast(cells, samples, thorough=True)
+
+    def cast(self, cells: np.ndarray, samples: np.ndarray, thorough: bool = False) -> None:
         """Add samples (5, m, n) of cells (m,)."""
         m, n = samples.shape[1:]
         traced = self.scene.traced
@@ -232,8 +253,12 @@ class _FarRays:
             if self.scene.emitters is not None:
                 found += self.scene.emitters.met(hits, directions, samples[4].ravel())
             self.sums[cells, :3] += found.reshape(m, n, 3).sum(1, dtype=np.float64)
-        if traced.solid is not None:
-            inside = starts_inside(traced, directions, hits)
+        if traced.bodies is not None:
+            inside, rooms = traced.bodies.left_first(directions, hits), traced.rooms_of(cells, n)
+            traced.bodies.spare_rooms(inside, hits, rooms)
+            if thorough:
+                inside, cast = traced.bodies.start_inside(origins, directions, rooms)
+                self.asked[cells[0]] += cast
             met &= ~inside
             self.sums[cells, _DROPPED] += np.count_nonzero(inside.reshape(m, n), axis=1)
         self.sums[cells, _HIT] += np.count_nonzero(met.reshape(m, n), axis=1)

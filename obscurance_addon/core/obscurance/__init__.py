@@ -14,11 +14,12 @@ from .bake import (
     patch_values,
     precision_warnings,
 )
-from .estimator import Caster, ObscuranceSums, Progress
+from .estimator import MOST_TIMES, Caster, ObscuranceSums, Progress
 from .objects import bake_objects
 from .white import white_hits, white_warnings
 
 __all__ = [
+    "MOST_TIMES",
     "Caster",
     "ObscuranceSums",
     "Obscurances",

@@ -4,13 +4,15 @@ In go surfaces, cells and samples. Out come first hits, or whether there is one,
 care of.
 """
 
+from .bodies import Bodies, BodyShapes
 from .build import BuiltScene, Held, boxes_in_reach, build_scene, reach_of
 from .cache import IntersectorCache
 from .embree import EmbreeIntersector
-from .first_hits import meet_doubled_faces, pass_doubled_faces, shadowed, starts_inside
+from .first_hits import meet_doubled_faces, pass_doubled_faces, shadowed
 from .intersector import MISS, Hits, Intersector
 from .layers import Layer, LayeredIntersector, nothing
 from .reach import SceneSize, scene_size
+from .rooms import Rooms, ShellPoints, settle_rooms
 from .samples import BLOCK_RAYS, TABLE_ROWS, PatchSamples, scramble_of
 from .splitting import make_intersector
 from .traced_scene import FAR, NEAR, TracedScene, limit_and_scale, needs_palette, palette_colours
@@ -21,6 +23,8 @@ __all__ = [
     "MISS",
     "NEAR",
     "TABLE_ROWS",
+    "Bodies",
+    "BodyShapes",
     "BuiltScene",
     "EmbreeIntersector",
     "Held",
@@ -30,7 +34,9 @@ __all__ = [
     "Layer",
     "LayeredIntersector",
     "PatchSamples",
+    "Rooms",
     "SceneSize",
+    "ShellPoints",
     "TracedScene",
     "boxes_in_reach",
     "build_scene",
@@ -44,6 +50,6 @@ __all__ = [
     "reach_of",
     "scene_size",
     "scramble_of",
+    "settle_rooms",
     "shadowed",
-    "starts_inside",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 from obscurance_addon.core.obscurance.bake import Obscurances, bake_obscurances
 from obscurance_addon.core.scene.objects import SceneObject, join_objects
 from obscurance_addon.core.scene.patches import Patches, Surfaces
-from obscurance_addon.core.scene.solids import solid_triangles
+from obscurance_addon.core.scene.solids import find_shells
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.build import Held
 from obscurance_addon.core.updates.incremental import IncrementalBake
@@ -20,14 +20,16 @@ RED, BLUE, GREEN = (0.8, 0.1, 0.1), (0.1, 0.2, 0.9), (0.1, 0.8, 0.2)
 
 def scene_object(m: Mesh, first_id: int = 0, *, baked: bool = True) -> SceneObject:
     """A mesh as one object; faces that share a vertex are neighbours."""
-    solid = solid_triangles(m.vertices, m.triangles)
+    shells = find_shells(m.vertices, m.triangles)[0]
     patch = m.face.astype(np.int32) if baked else None
-    surfaces = Surfaces(m.vertices, m.triangles, m.reflectance[m.face], solid, patch=patch)
+    surfaces = Surfaces(m.vertices, m.triangles, m.reflectance[m.face], shells, patch=patch)
     if not baked:
         return SceneObject(surfaces, Patches.none(), np.zeros((0, 3)))
     ids = np.arange(first_id, first_id + m.faces, dtype=np.uint32)
+    shell = np.zeros(m.faces, np.int32)
+    shell[m.face] = shells.shell
     pairs = np.unique(np.stack([np.repeat(m.face, 3), m.triangles.ravel()]), axis=1)
-    return SceneObject(surfaces, Patches(m.corners(), m.face, ids), m.reflectance.astype(float), tuple(pairs))
+    return SceneObject(surfaces, Patches(m.corners(), m.face, ids, shell), m.reflectance.astype(float), tuple(pairs))
 
 
 def furniture() -> dict[Hashable, Mesh]:

@@ -64,7 +64,7 @@ class LightScene:
         """Direct light by the bake, then a shooting random walk from what it makes surfaces scatter."""
         arrays, settings = self.arrays, BakeSettings(RAYS)
         direct = self.bake(quantity="DIRECT")
-        traced, normalisation, _ = build_scene(arrays.surfaces, arrays.patches, settings, whole=True)
+        traced, normalisation, *_ = build_scene(arrays.surfaces, arrays.patches, settings, whole=True)
         scene = LitScene(traced, arrays.patches.ids, (), None, np.zeros(3))
         unshot = direct.radiance * np.pi * direct.valid[:, None]
         area = traced.cells.area * normalisation.scale**2 * direct.exposed

@@ -268,7 +268,7 @@ def _comparable_texels(objects: list[bpy.types.Object], size: int) -> tuple[np.n
     """Texels wholly in a chart and outside of solids, which of them are in one triangle; number of all covered ones."""
     lightmap, settings = _kept(size), BakeSettings(rays=VALID_RAYS, distance=DISTANCE, use_bleeding=False)
     arrays, layout = _read(objects, lightmap)
-    scene, normalisation, _d_max = build_scene(arrays.surfaces, arrays.patches, settings)
+    scene, normalisation, *_ = build_scene(arrays.surfaces, arrays.patches, settings)
     texels = covered_texels(layout.triangles(size, normalisation), size, 0, (0, size))
     tracer = TexelTracer(scene, settings, np.ones(3, bool), lambda _rays: None, BLOCK_RAYS)
     whole = np.flatnonzero(texels.cover >= 1.0 - 1e-6)

@@ -41,7 +41,7 @@ def _compare(repeats: int, use_bleeding: bool) -> dict:
     empty_scene()
     arrays = prepare_arrays(snapshot_scene(bpy.context, suzanne_over_plane()), Target.FACE)
     settings = BakeSettings(rays=64, use_bleeding=use_bleeding)
-    scene, _normalisation, _d_max = build_scene(arrays.surfaces, arrays.patches, settings)
+    scene = build_scene(arrays.surfaces, arrays.patches, settings).traced
     recorder = _Recorder(scene.intersector)
     recorded = gather_obscurances(dataclasses.replace(scene, intersector=recorder), arrays.patches.ids, settings)
     embree = scene.intersector.embreex_scene

@@ -13,14 +13,8 @@ from obscurance_addon.core.light.settings import LightSettings
 from obscurance_addon.core.monitor import Monitor
 from obscurance_addon.core.obscurance.bake import Obscurances, bake_obscurances
 from obscurance_addon.core.scene.patches import Patches, Surfaces
-from obscurance_addon.core.scene.solids import solid_triangles
-from obscurance_addon.core.scene.transmission import (
-    Lookup,
-    Transmission,
-    join_transmissions,
-    opacity,
-    windowless_shells,
-)
+from obscurance_addon.core.scene.solids import Shells, find_shells
+from obscurance_addon.core.scene.transmission import Lookup, Transmission, join_transmissions, opacity
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.intersector import BruteForceIntersector
 
@@ -145,10 +139,10 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
     )
 
 
-def solid_of(m: Mesh) -> np.ndarray:
-    """(t,) bool: triangles of closed solids that no light passes."""
-    solid, passing = solid_triangles(m.vertices, m.triangles), m.passing()
-    return solid if passing is None else solid & windowless_shells(m.vertices, m.triangles, passing.mean.any(1))
+def shells_of(m: Mesh) -> Shells:
+    """What it bounds, but for what light passes."""
+    shells, passing = find_shells(m.vertices, m.triangles)[0], m.passing()
+    return shells if passing is None else shells.without_windows(passing.mean.any(1))
 
 
 def welded(m: Mesh) -> Mesh:
@@ -269,23 +263,30 @@ def scene(baked: Sequence[Mesh], others: Sequence[Mesh] = (), ids: np.ndarray | 
         all_of_it.vertices,
         all_of_it.triangles,
         all_of_it.reflectance[all_of_it.face],
-        np.concatenate([solid_of(m) for m in everything]),
+        Shells.joined([shells_of(m) for m in everything]),
         starts,
         all_of_it.emitted()[all_of_it.face],
         all_of_it.face.astype(np.int32),
         transmission=join_transmissions([(len(m.triangles), m.passing()) for m in everything]),
     )
     ids = np.arange(patches.faces, dtype=np.uint32) if ids is None else ids
+    shell = np.zeros(all_of_it.faces, np.int32)
+    shell[all_of_it.face] = surfaces.shells.shell
     with np.errstate(invalid="ignore", over="ignore"):
         around = join(others) if others else None
         return Scene(
             surfaces,
-            Patches(patches.corners(), patches.face, ids),
+            Patches(patches.corners(), patches.face, ids, shell[: patches.faces]),
             patches.reflectance,
             patches.areas(),
             Patches.none()
             if around is None
-            else Patches(around.corners(), around.face, np.arange(1 << 20, (1 << 20) + around.faces, dtype=np.uint32)),
+            else Patches(
+                around.corners(),
+                around.face,
+                np.arange(1 << 20, (1 << 20) + around.faces, dtype=np.uint32),
+                shell[patches.faces :],
+            ),
             PatchMaterials(
                 all_of_it.reflectance.astype(float),
                 all_of_it.emitted().astype(float),

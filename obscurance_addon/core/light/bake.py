@@ -132,6 +132,7 @@ def bake_light(
         reflected_share=reflectors.light_share if reflectors else 0.0,
         seconds={"build": built - began, "trace": obscured - built, "light": time.perf_counter() - obscured},
         warnings=light_warnings(lit, emitted, light) + (obscurances.warnings if obscurances else []),
+        rooms=bare.rooms,
     )
 
 
@@ -146,7 +147,10 @@ def lit_scene(
     shines = emission is not None and (unmet is not None or (emission > 0.0).any())
     emitters = EmissiveTriangles(traced.surfaces, unmet) if shines else None
     lamps = tuple(lamp.normalised(normalisation) for lamp in sources.lamps)
-    return LitScene(replace(traced, cells=cells), patches.ids, lamps, emitters, np.asarray(sources.world, np.float64))
+    rooms = None if patches.shell is None else scene.rooms.of(patches.shell)
+    return LitScene(
+        replace(traced, cells=cells, rooms=rooms), patches.ids, lamps, emitters, np.asarray(sources.world, np.float64)
+    )
 
 
 def _unmet_emitters(surfaces: Surfaces, normalisation: Normalisation) -> Surfaces | None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..obscurance import Caster
 from ..sampling import UNIT
 from ..settings import BakeSettings
 from ..tracing import (
@@ -24,7 +25,6 @@ from ..tracing import (
     TracedScene,
     pass_doubled_faces,
     shadowed,
-    starts_inside,
 )
 from .emitters import EmissiveTriangles
 from .lamps import Lamp, LightSource
@@ -115,7 +115,7 @@ def gather_direct_light(
     settings : BakeSettings
         Sampler, seed and threads.
     valid : ndarray, (q,) float64, q <= p, optional
-        Known shares outside of solids of the first patches, from as many rays of the same points.
+        Known shares outside of solids of the first patches; partly hidden ones get more samples.
     with_openness : bool
         Cast rays to find `hit_share`, also where nothing else needs them; else it is 0 there.
     replicate : int
@@ -132,13 +132,19 @@ def gather_direct_light(
     cells, n_patches = scene.traced.cells, len(scene.traced.cells.area)
     every = np.arange(len(cells.patch))
     known = 0 if valid is None else len(valid)
+    if known:  # few samples of a partly hidden patch count
+        per_patch = np.append(per_patch[:known] * Caster.more_rays(valid), per_patch[known:])
     far_rays, openness_rays = per_patch.copy(), share_by_area(cells.area, OPENNESS_RAYS, MAX_OPENNESS_RAYS)
     if not scene.shines_on_rays:  # then they only tell what is inside of solids, and how open the scene is
-        sparse = slice(None) if scene.traced.solid is None else slice(0, known)
+        sparse = slice(None) if scene.traced.bodies is None else slice(0, known)
         far_rays[sparse] = openness_rays[sparse]
     far = _FarRays(scene, PatchSamples(cells, scene.ids, far_rays, settings, replicate, block_rays), progress)
     needed = scene.shines_on_rays or with_openness or known < n_patches
     rays = far.samples.run(every, far.cast) if needed else 0
+    if (suspect := np.bincount(cells.patch, far.sums[:, _DROPPED], n_patches) > 0.0).any():
+        again = np.flatnonzero(suspect[cells.patch])
+        far.sums[again] = 0.0
+        rays += far.samples.run(again, far.cast_thoroughly) + int(far.asked.sum())
 
     def per_patch_mean(sums: np.ndarray, samples: PatchSamples) -> np.ndarray:
         share = cells.weight / samples.count
@@ -204,7 +210,7 @@ class _ShadowRays:
         origins = self.samples.origins(cells, samples)
         normals = np.repeat(traced.cells.frames[cells, 2, 3:], n, axis=0)
         unit = samples[2:4].reshape(2, -1).T
-        may_be_inside = np.repeat(self.partly_inside[cells], n)
+        may_be_inside, rooms = np.repeat(self.partly_inside[cells], n), traced.rooms_of(cells, n)
         total = np.zeros((m, 3))
         for index, source in enumerate(self.scene.sources):
             sample = source.sample(origins, normals, unit)
@@ -215,7 +221,7 @@ class _ShadowRays:
                 distance = sample.distance[lit] if source.casts_shadow else np.zeros(len(lit), np.float32)
                 share = np.float32(1.0)
                 if source.casts_shadow or may_be_inside[lit].any():
-                    rays = origins[lit], sample.direction[lit], distance, may_be_inside[lit]
+                    rays = origins[lit], sample.direction[lit], distance, may_be_inside[lit], _of(rooms, lit)
                     if traced.transparency is None:
                         lit = lit[~shadowed(traced, *rays)]
                     else:
@@ -232,15 +238,25 @@ class _ShadowRays:
         self.sums[cells] += total
 
 
+def _of(values: np.ndarray | None, rays: np.ndarray) -> np.ndarray | None:
+    """Those of some of the rays, (m,) int."""
+    return None if values is None else values[rays]
+
+
 class _FarRays:
     """Sums per cell over rays without a limit."""
 
     def __init__(self, scene: LitScene, samples: PatchSamples, progress: Callable[[int], None]) -> None:
         self.scene, self.samples, self.progress = scene, samples, progress
         self.sums = np.zeros((len(scene.traced.cells.patch), 5))
+        self.asked = np.zeros(len(self.sums), np.int64)  # rays that asked bodies, by the first cell of a block
         self._sky = np.float32(np.pi * scene.world)
 
-    def cast(self, cells: np.ndarray, samples: np.ndarray) -> None:
+    def cast_thoroughly(self, cells: np.ndarray, samples: np.ndarray) -> None:
+        """As `cast`, asking each body which rays start inside of it."""
+        self.cast(cells, samples, thorough=True)
+
+    def cast(self, cells: np.ndarray, samples: np.ndarray, thorough: bool = False) -> None:
         """Add samples (5, m, n) of cells (m,)."""
         m, n = samples.shape[1:]
         traced = self.scene.traced
@@ -248,29 +264,41 @@ class _FarRays:
         hits = traced.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
         pass_doubled_faces(traced, cells, n, origins, directions, FAR, hits)
         cosine = samples[4].ravel()
-        found, inside, stopped = self._found(hits, directions, cosine)
+        rooms, known = traced.rooms_of(cells, n), None
+        if thorough:
+            known, cast = traced.bodies.start_inside(origins, directions, rooms)
+            self.asked[cells[0]] += cast
+        found, inside, stopped = self._found(hits, directions, cosine, rooms, known)
         if traced.transparency is not None:
-            self._go_on(origins, directions, hits, cosine, found, inside, stopped)
+            self._go_on(origins, directions, hits, cosine, rooms, known, (found, inside, stopped))
         if self.scene.shines_on_rays:
             self.sums[cells, :3] += found.reshape(m, n, 3).sum(1, dtype=np.float64)
-        if traced.solid is not None:
+        if traced.bodies is not None:
             self.sums[cells, _DROPPED] += np.count_nonzero(inside.reshape(m, n), axis=1)
         self.sums[cells, _HIT] += stopped.reshape(m, n).sum(1, dtype=np.float64)
         self.progress(m * n)
 
     def _found(
-        self, hits: Hits, directions: np.ndarray, cosine: np.ndarray
+        self,
+        hits: Hits,
+        directions: np.ndarray,
+        cosine: np.ndarray,
+        rooms: np.ndarray | None,
+        known: np.ndarray | None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What rays (n,) bring that met these hits, (n, 3); if they start in a solid; if something stops them."""
+        """What rays (n,) bring that met these hits, (n, 3); if they start in a solid; if something stops them.
+
+        `known` (n,) bool tells of all of them whether they start in a solid, where that was asked.
+        """
         traced, met = self.scene.traced, hits.triangle >= 0
         found = np.zeros((len(met), 3), np.float32)
         if self.scene.shines_on_rays:
             found += np.where(met[:, None], np.float32(0.0), self._sky)
             if self.scene.emitters is not None:
                 found += self.scene.emitters.met(hits, directions, cosine)
-        inside = np.zeros(len(met), bool)
-        if traced.solid is not None:
-            inside = met & starts_inside(traced, directions, hits)
+        inside = np.zeros(len(met), bool) if known is None else known
+        if known is None and traced.bodies is not None:
+            inside = traced.meets_inside(directions, hits, rooms)
         return found, inside, (met & ~inside).astype(np.float32)
 
     def _go_on(
@@ -279,13 +307,13 @@ class _FarRays:
         directions: np.ndarray,
         hits: Hits,
         cosine: np.ndarray,
-        found: np.ndarray,
-        inside: np.ndarray,
-        stopped: np.ndarray,
+        rooms: np.ndarray | None,
+        known: np.ndarray | None,
+        sums: tuple[np.ndarray, np.ndarray, np.ndarray],
     ) -> None:
-        """Add what rays find behind transparent surfaces to what `_found` says of their first hits."""
-        traced = self.scene.traced
-        rays = np.flatnonzero(traced.transparency.lets_through(hits.triangle))
+        """Add what rays find behind transparent surfaces to what `_found` says of their first hits, `sums`."""
+        traced, (found, inside, stopped) = self.scene.traced, sums
+        rays = np.flatnonzero(traced.transparency.lets_through(hits.triangle) & ~inside)
         passage, light = (
             Passage(traced.intersector, origins, directions, FAR, hits, rays),
             np.ones((len(rays), 4), np.float32),
@@ -302,7 +330,9 @@ class _FarRays:
             light = light[onward]
             passage.go_on()
             behind = passage.rays
-            brought, within, _ = self._found(passage.hits(), passage.directions, cosine[behind])
+            brought, within, _ = self._found(
+                passage.hits(), passage.directions, cosine[behind], _of(rooms, behind), _of(known, behind)
+            )
             found[behind] += light[:, :3] * brought
             inside[behind] = within
             stopped[behind[within]] = 0.0

@@ -52,7 +52,7 @@ class EmissiveTriangles:
         self._corner, self._edge1, self._edge2 = corners[:, 0], edge1, edge2
         self._normal = normal / np.maximum(double_area, TINY)[:, None]
         self._offset = OFFSET * np.abs(corners).max((1, 2))
-        solid = np.concatenate([part.solid for part in parts])
+        solid = np.concatenate([part.shells.solid for part in parts])
         self._solid = solid[shining]
         self._radiance = radiance[shining]
         self._ends = ascending_ends(np.zeros(len(shining), np.int64), power / max(total, float(TINY)))

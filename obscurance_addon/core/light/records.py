@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..tracing import Rooms
 from .ambient import AmbientLight
 from .lamps import Lamp
 
@@ -83,6 +84,8 @@ class BakedLight:
     seconds : dict of str to float
         Per phase: build, trace, light.
     warnings : list of str
+    rooms : Rooms
+        Who is in which room.
     """
 
     radiance: np.ndarray
@@ -97,6 +100,7 @@ class BakedLight:
     reflected_share: float
     seconds: dict[str, float]
     warnings: list[str]
+    rooms: Rooms
 
     @property
     def valid(self) -> np.ndarray:

@@ -146,7 +146,7 @@ class _Pairs:
     ) -> None:
         cells = scene.traced.cells
         self.traced, self.reflectors, self.cells = scene.traced, reflectors, cells
-        self.partly_inside = (valid < 1.0 - 1e-9) & (scene.traced.solid is not None)
+        self.partly_inside = (valid < 1.0 - 1e-9) & (scene.traced.bodies is not None)
         patch = cells.patch[reflectors.cell]
         self.power = (exitance[patch] / reflectors.share[:, None]).astype(np.float32)  # of an entry, over its chance
         seed = int(hash32(np.uint32(settings.seed) ^ hash32(np.uint32(replicate ^ 0x5EC0))))
@@ -252,7 +252,8 @@ class _Pairs:
             factor *= leaving * np.take(self.kernel_area, other) / square
         seen = np.flatnonzero((factor > 0.0) & (leaving > 0.0))
         rays = (np.take(array, seen, axis=0) for array in (points, towards, distance))
-        share = visible_share(self.traced, *rays, self.partly_inside[patch[seen]])
+        rooms = self.traced.rooms_of_patches(patch[seen])
+        share = visible_share(self.traced, *rays, self.partly_inside[patch[seen]], rooms)
         visible = np.zeros(len(points), share.dtype)
         visible[seen] = share
         light = (factor / number).astype(np.float32)[:, None] * np.take(self.power, chosen, axis=0)

@@ -13,7 +13,7 @@ from ..monitor import Monitor
 from ..obscurance import precision_warnings, white_warnings
 from ..scene import LUMINANCE, Patches, Surfaces, mean_reflectance, scattering_mean, surface_sums
 from ..settings import BakeSettings
-from ..tracing import BLOCK_RAYS, EmbreeIntersector, Intersector, build_scene
+from ..tracing import BLOCK_RAYS, EmbreeIntersector, Intersector, Rooms, build_scene
 from .adaptive import AdaptiveTexels
 from .estimation import TexelCounts, bands_at_once, estimate_pages, finish_pages, texel_settings
 from .layout import AtlasLayout
@@ -44,6 +44,8 @@ class Lightmap:
     seconds : dict of str to float
         Per phase: build, trace, margin.
     warnings : list of str
+    rooms : Rooms or None
+        Who is in which room.
     """
 
     pages: list[np.ndarray]
@@ -58,6 +60,7 @@ class Lightmap:
     reflected_share: float = 0.0
     seconds: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    rooms: Rooms | None = None
 
     @property
     def traced(self) -> int:
@@ -143,6 +146,7 @@ def bake_lightmap(
         error_rays=counts.error_rays,
         seconds={"build": built - began, "trace": traced - built, "margin": time.perf_counter() - traced},
         warnings=precision_warnings(scene) + (white_warnings(scattering) if is_white_coloured else []),
+        rooms=scene.rooms,
     )
 
 

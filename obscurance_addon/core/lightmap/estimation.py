@@ -17,7 +17,7 @@ from ..monitor import Monitor
 from ..settings import MIN_RAYS_PER_PATCH, BakeSettings
 from ..workers import workers
 from .adaptive import MOST_EXTRA_RAYS
-from .obscurances import TexelValues
+from .obscurances import MIN_EXPOSED, TexelValues
 from .page import AtlasPage, check_room
 from .progress import TexelProgress
 from .settings import LightmapSettings
@@ -27,9 +27,6 @@ from .triangles import AtlasTriangles
 ERROR_SAMPLE = 4096  # texels, about, that are traced twice more: enough to fix the RMSE to a few percent
 REPLICATES = (1, 2)  # of the points that tell the error; 0 is the bake
 MOST_OVERLAPS = 1000  # pairs of faces that are told
-# A texel with less outside of solids takes its value from its neighbours: where solids run into each other, rays that
-# start inside of one may meet the outside of the other, which only shows by the many rays beside them that do not.
-MIN_EXPOSED = 0.5
 _BAND_TEXELS = 1 << 18  # at least, if a page has so many: what Python does for each band is then little
 _BAND_ROWS = 64  # at least, a multiple of the coarsest stride of sparse texels
 _LEAST_BANDS = 4  # of a page, if it has so many rows

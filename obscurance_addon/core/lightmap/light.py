@@ -137,6 +137,7 @@ def bake_light_map(
             "margin": time.perf_counter() - gathered,
         },
         warnings=precision_warnings(bare) + faces.warnings,
+        rooms=bare.rooms,
     )
 
 
@@ -253,7 +254,11 @@ class _TexelLight:
         found = redistribute(
             replace(
                 faces.scene,
-                traced=replace(faces.scene.traced, cells=cells),
+                traced=replace(
+                    faces.scene.traced,
+                    cells=cells,
+                    rooms=faces.scene.traced.rooms_of_patches(np.append(np.arange(n_faces), texels.face[chosen])),
+                ),
                 ids=np.concatenate([faces.scene.ids, texels.ids[chosen]]),
             ),
             faces.reflectors,
@@ -288,7 +293,8 @@ class _TexelLight:
     def _scenes(self, texels: Texels, chosen: np.ndarray) -> list[LitScene]:
         """The scene with rays leaving the parallelograms of texels, and their triangles."""
         scene = self._faces.scene
+        rooms = scene.traced.rooms_of_patches(texels.face[chosen])
         return [
-            replace(scene, traced=replace(scene.traced, cells=cells), ids=texels.ids[chosen])
+            replace(scene, traced=replace(scene.traced, cells=cells, rooms=rooms), ids=texels.ids[chosen])
             for cells in texels.cells_of(chosen)
         ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..obscurance import Caster, ObscuranceSums, white_hits
+from ..obscurance import MOST_TIMES, Caster, ObscuranceSums, white_hits
 from ..scene import Cells, as_triangles
 from ..settings import BakeSettings
 from ..tracing import TracedScene
@@ -41,9 +41,20 @@ class TexelValues:
     nearest: np.ndarray | None = None
 
 
+# A texel with less outside of solids takes its value from its neighbours.
+MIN_EXPOSED = 0.5
+_CLOSE = 0.3  # to it, for the usual number of rays
+
+
 class _TexelCaster(Caster):
     keeps_tables = True  # every band asks for the same ones
     favours_directions = True
+
+    @staticmethod
+    def more_rays(exposed: np.ndarray) -> np.ndarray:
+        """As of `Caster`, and as many as may be where it is close whether a texel counts as inside."""
+        close = np.abs(exposed - MIN_EXPOSED) < _CLOSE
+        return np.where(close, MOST_TIMES, Caster.more_rays(exposed))
 
 
 @dataclass(frozen=True)
@@ -82,9 +93,10 @@ class TexelTracer:
         """Values of the texels `chosen` (m,) int, ascending, from `factor` times the usual number of rays."""
         settings = replace(self.settings, rays=self.settings.rays * factor)
         rest = (texels.ids[chosen], settings, replicate, self.progress, self.block_rays, with_distances)
+        rooms = self.scene.rooms_of_patches(texels.face[chosen])
         sums = []
         for cells in texels.cells_of(chosen):
-            caster = _TexelCaster(replace(self.scene, cells=cells), *rest)
+            caster = _TexelCaster(replace(self.scene, cells=cells, rooms=rooms), *rest)
             caster.cast_all()
             sums.append(caster.patch_sums())
         return self._joined(*sums)

@@ -14,12 +14,13 @@ from .bake import (
     patch_values,
     precision_warnings,
 )
-from .estimator import Caster, ObscuranceSums, Progress
+from .estimator import MOST_TIMES, Caster, ObscuranceSums, Progress
 from .layers import Layered
 from .objects import bake_objects
 from .white import white_hits, white_warnings
 
 __all__ = [
+    "MOST_TIMES",
     "Caster",
     "Layered",
     "ObscuranceSums",

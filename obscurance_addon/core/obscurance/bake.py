@@ -14,7 +14,7 @@ from ..monitor import Monitor
 from ..sampling import allocate_rays, hash32
 from ..scene import LUMINANCE, Patches, Surfaces, fill_invalid, hidden_sums, mean_of_sums, scattering_mean, surface_sums
 from ..settings import BakeSettings
-from ..tracing import BLOCK_RAYS, BuiltScene, EmbreeIntersector, Held, Intersector, build_scene
+from ..tracing import BLOCK_RAYS, BuiltScene, EmbreeIntersector, Held, Intersector, Rooms, build_scene
 from .estimator import ObscuranceSums, gather_obscurances
 from .white import white_hits
 
@@ -57,6 +57,8 @@ class Obscurances:
     seconds : dict of str to float
         Time spent per phase: build, trace.
     warnings : list of str
+    rooms : Rooms or None
+        Who is in which room.
     """
 
     coloured: np.ndarray
@@ -76,6 +78,12 @@ class Obscurances:
     sums: ObscuranceSums
     seconds: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    rooms: Rooms | None = None
+
+    @property
+    def exposed(self) -> np.ndarray:
+        """Share of each patch outside of solids, (p,) float64."""
+        return self.sums.valid
 
     def relative(self) -> np.ndarray:
         """W / R_ave per channel, (p, 3) float64, without a bound; eq. 2 without bleeding or where R_ave is 0."""
@@ -168,7 +176,7 @@ def obscurances_in(
 ) -> Obscurances:
     """`bake_obscurances` once the scene is built: its results first, then `Held.rays`."""
     began = time.perf_counter()
-    traced, normalisation, d_max = scene
+    traced, normalisation, d_max, rooms = scene
     sample = error_sample(ids)
     per_patch = allocate_rays(traced.cells.area, settings) if rays is None else rays
     monitor.phase("trace", int(per_patch.sum() + per_patch[sample].sum()))
@@ -212,6 +220,7 @@ def obscurances_in(
         sums=sums,
         seconds={"build": 0.0, "trace": trace_seconds},
         warnings=precision_warnings(scene),
+        rooms=rooms,
     )
 
 

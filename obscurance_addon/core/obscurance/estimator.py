@@ -14,20 +14,12 @@ import numpy as np
 from ..falloff import Falloff, apply_falloff
 from ..sampling import allocate_rays
 from ..settings import BakeSettings
-from ..tracing import (
-    BLOCK_RAYS,
-    FAR,
-    NEAR,
-    Hits,
-    PatchSamples,
-    TracedScene,
-    first_opaque,
-    pass_doubled_faces,
-    starts_inside,
-)
+from ..tracing import BLOCK_RAYS, FAR, NEAR, Hits, PatchSamples, TracedScene, pass_doubled_faces
 from ..workers import workers
 from .layers import Layered, sum_layers
 
+MOST_TIMES = 16  # more rays for patches that are partly hidden, at most
+_OTHER_POINTS = 1 << 16  # replicates from here on are those of such rays
 _MISS, _DROPPED, _NEARNESS = 4, 5, 6  # columns of the cell sums behind rho R_red, rho R_green, rho R_blue, rho
 _TINT = slice(-3, None)  # the last ones, where something is transparent
 
@@ -151,73 +143,96 @@ class Caster:
         self.progress = progress
         self.block_rays = block_rays
         self.rays = 0
-        per_patch = allocate_rays(scene.cells.area, settings) if rays is None else rays
-        how = {"keeps_tables": self.keeps_tables, "favours_directions": self.favours_directions}
-        self.samples = PatchSamples(scene.cells, ids, per_patch, settings, replicate, block_rays, **how)
+        self._per_patch = allocate_rays(scene.cells.area, settings) if rays is None else rays
+        self._ids, self._settings, self._replicate = ids, settings, replicate
+        self.samples = self._make_samples(self._per_patch, replicate)
         columns = 6 + with_distances + 3 * (scene.transparency is not None)
         self.sums = np.zeros((columns, len(scene.cells.patch)))
         self.nearest = np.full(len(scene.cells.patch), FAR, np.float64) if with_distances else None
+        self._is_afresh = False
+        self._asked = np.zeros(len(scene.cells.patch), np.int64)  # rays that asked bodies, by the first cell of a block
 
-    def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
-        """Add all rays of the cells (m,) int to their sums, in passes over the ray sequence."""
-        self.rays += self.samples.run(cells, lambda block, samples: self._cast_block(block, samples, unbounded))
+    def _make_samples(self, per_patch: np.ndarray, replicate: int) -> PatchSamples:
+        how = {"keeps_tables": self.keeps_tables, "favours_directions": self.favours_directions}
+        return PatchSamples(self.scene.cells, self._ids, per_patch, self._settings, replicate, self.block_rays, **how)
 
-    def _cast_block(self, cells: np.ndarray, samples: np.ndarray, unbounded: bool) -> None:
+    def cast(self, cells: np.ndarray, thorough: bool = False) -> None:
+        """Add all rays of the cells (m,) int to their sums, in passes over the ray sequence.
+
+        Whether a ray starts inside of a solid, its first hit tells, or where that is `thorough`, each body.
+        """
+        self.rays += self.samples.run(cells, lambda block, samples: self._cast_block(block, samples, thorough))
+
+    def _cast_block(self, cells: np.ndarray, samples: np.ndarray, thorough: bool) -> None:
         """Cast the rays of samples (5, m, n) from cells (m,) and add what they meet to the sums."""
         scene, n = self.scene, samples.shape[2]
         origins, directions = self.samples.origins(cells, samples), self.samples.directions(cells, samples)
-        limit = FAR if unbounded else scene.limit
         limits = self.samples.scratch.array("limits", (len(origins),))
-        limits.fill(limit)
+        limits.fill(scene.limit)
         if scene.needs_only_occlusion and self.nearest is None:
             blocked = self.blocked(cells, origins, directions, limits).reshape(-1, n)
             self.sums[_MISS, cells] += n - np.count_nonzero(blocked, axis=1)
             self.progress(len(origins))
             return
-        hits, dropped = self.first_hits(cells, origins, directions, limits, limit)
-        layered = self.layered(cells, origins, directions, limit, hits, dropped)
-        if unbounded:
-            hits.triangle[(hits.distance >= scene.limit) & ~dropped] = -1
-            np.minimum(hits.distance, scene.limit, out=hits.distance)
+        inside = self._start_inside(cells, origins, directions) if thorough else None
+        if self._is_afresh:  # what starts inside need not be traced
+            limits[inside] = 0.0
+            self._asked[cells[0]] -= np.count_nonzero(inside)
+        hits, dropped = self.first_hits(cells, origins, directions, limits)
+        layered = self.layered(cells, origins, directions, hits, dropped, inside)
+        if inside is not None:
+            dropped = inside
+            hits.distance[inside] = scene.limit
         self._weigh(cells, n, hits.distance, hits.triangle, dropped, layered)
         self.progress(len(origins))
+
+    def _start_inside(self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """(m n,) bool: which rays of the cells (m,), n of each, start inside of a solid."""
+        inside, cast = self.scene.bodies.start_inside(
+            origins, directions, self.scene.rooms_of(cells, len(origins) // len(cells))
+        )
+        self._asked[cells[0]] += cast
+        return inside
 
     def blocked(self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> np.ndarray:
         """(m n,) bool: which rays of the cells (m,), n of each, meet anything nearer than their limit."""
         return self.scene.intersector.occluded(origins, directions, limits)
 
     def first_hits(
-        self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray, limit: np.float32
+        self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray
     ) -> tuple[Hits, np.ndarray | None]:
-        """What the rays of the cells (m,), n of each, meet nearer than `limit`, of which `limits` (m n,) is full.
+        """What the rays of the cells (m,), n of each, meet nearer than d_max, of which `limits` (m n,) is full.
 
         Returns
         -------
         hits : Hits
             Of m n rays, doubled faces passed.
         dropped : ndarray, (m n,) bool, or None
-            Rays that start inside of a solid; None where there is no solid.
+            Rays that meet the inside of a solid first; None where there is no solid.
         """
         hits = self.scene.intersector.intersect(origins, directions, limits)
-        pass_doubled_faces(self.scene, cells, len(origins) // len(cells), origins, directions, limit, hits)
-        return hits, None if self.scene.solid is None else starts_inside(self.scene, directions, hits)
+        pass_doubled_faces(self.scene, cells, len(origins) // len(cells), origins, directions, self.scene.limit, hits)
+        if self.scene.bodies is None:
+            return hits, None
+        return hits, self.scene.meets_inside(directions, hits, self.scene.rooms_of(cells, len(origins) // len(cells)))
 
     def layered(
         self,
         cells: np.ndarray,
         origins: np.ndarray,
         directions: np.ndarray,
-        limit: np.float32,
         hits: Hits,
         dropped: np.ndarray | None,
+        inside: np.ndarray | None = None,
     ) -> Layered | None:
         """What rays of the cells (m,) meet one after the other whose first hit is transparent; None where nothing is.
 
-        Enters in `dropped` those that turn out to start inside of a solid.
+        Enters in `dropped` those that turn out to meet the inside of a solid first; `inside` as for `sum_layers`.
         """
         if self.scene.transparency is None:
             return None
-        layered = sum_layers(self.scene, origins, directions, limit, hits)
+        rooms = self.scene.rooms_of(cells, len(origins) // len(cells))
+        layered = sum_layers(self.scene, origins, directions, hits, rooms, inside)
         if dropped is not None:
             dropped[layered.rays] = layered.inside
         return layered
@@ -233,9 +248,9 @@ class Caster:
     ) -> None:
         """Add what the rays met, by distance and colour, to the sums of their cells."""
         scene, sums = self.scene, self.sums
-        met = triangle >= 0
+        no_miss = triangle >= 0
         if layered is not None:
-            met[layered.rays] = True
+            no_miss[layered.rays] = True
             self._add_layers(cells, n, layered)
         if self.nearest is not None:
             of_cell = np.maximum(distance, NEAR).reshape(-1, n)
@@ -243,6 +258,7 @@ class Caster:
             self.nearest[cells] = np.minimum(self.nearest[cells], of_cell.min(1))
         if dropped is not None:
             sums[_DROPPED, cells] += np.count_nonzero(dropped.reshape(-1, n), axis=1)
+            no_miss |= dropped
         if scene.falloff is not Falloff.STEP:  # of which a hit adds nothing
             distance *= scene.scale
             rho = apply_falloff(scene.falloff, distance)
@@ -251,7 +267,7 @@ class Caster:
             if layered is not None:
                 rho[layered.rays] = 0.0
             self._add_hits(cells, n, rho, triangle)
-        sums[_MISS, cells] += n - np.count_nonzero(met.reshape(-1, n), axis=1)
+        sums[_MISS, cells] += n - np.count_nonzero(no_miss.reshape(-1, n), axis=1)
 
     def _add_hits(self, cells: np.ndarray, n: int, rho: np.ndarray, triangle: np.ndarray) -> None:
         """Add rho (m n,), times the colours of the triangles hit, to the sums."""
@@ -273,61 +289,75 @@ class Caster:
         self.sums[_TINT, cells] += added[_MISS + 1 :]
 
     def cast_all(self) -> None:
-        """Add all rays of all cells to their sums; without limit those of patches that a first ray finds inside."""
+        """Add all rays of all cells to their sums.
+
+        The bodies are asked about every ray of patches of which some meet the inside of a solid first, or the first one
+        starts inside of a body; where all meet the inside of a solid there is nothing to ask.
+        """
         patch = self.scene.cells.patch
         cells = np.arange(len(patch))
-        if self.scene.solid is None or self.scene.limit == FAR:
+        if self.scene.bodies is None:
             self.cast(cells)
             return
-        inside = self._inside_by_probe(np.flatnonzero(np.diff(patch, prepend=-1)))
-        self.cast(cells[~inside[patch]])
-        self.cast(cells[inside[patch]], unbounded=True)
-        self._recast(self._has(_DROPPED) & ~inside)
-
-    def recast_patches_inside_solids(self) -> None:
-        """Cast without limit the rays of patches that may start inside of a solid farther than d_max from its walls.
-
-        Suspect are patches with a ray that was dropped, and patches some of whose rays met nothing but of which one
-        unlimited ray meets the inside of a solid. Unlike `cast_all` this probes no others, for a bake that follows
-        changes depends on whatever a probe met.
-        """
-        if self.scene.limit == FAR:  # they had no limit
-            return
-        patch, suspect = self.scene.cells.patch, self._has(_DROPPED)
-        first_cell = np.flatnonzero(np.diff(patch, prepend=-1))
-        self._recast(suspect | self._inside_by_probe(first_cell[(self._has(_MISS) & ~suspect)[patch[first_cell]]]))
-
-    def _has(self, column: int) -> np.ndarray:
-        """(p,) bool: patches of which this sum is not 0."""
-        return np.bincount(self.scene.cells.patch, self.sums[column], len(self.scene.cells.area)) > 0.0
-
-    def _inside_by_probe(self, cells: np.ndarray) -> np.ndarray:
-        """(p,) bool: patches of the cells (m,) int whose first ray, without limit, meets the inside of a solid."""
-        inside = np.zeros(len(self.scene.cells.area), bool)
-        blocks = [cells[at : at + self.block_rays] for at in range(0, len(cells), self.block_rays)]
-        with workers(self.samples.threads if len(blocks) > 1 else 0) as pool:
-            for found in pool.map(lambda block: block[starts_inside(self.scene, *self.probe(block))], blocks):
-                inside[self.scene.cells.patch[found]] = True
-        self.rays += len(cells)
-        return inside
-
-    def _recast(self, suspect: np.ndarray) -> None:
-        """Cast the rays of the patches (p,) bool again, without limit."""
-        again = np.flatnonzero(suspect[self.scene.cells.patch])
+        self.cast(cells)
+        total = len(self.scene.cells.area)
+        dropped, count = (np.bincount(patch, of_cell, total) for of_cell in (self.sums[_DROPPED], self.samples.count))
+        is_hidden = dropped == count
+        first_cells = np.flatnonzero(np.diff(patch, prepend=-1))
+        suspect = self._first_rays_inside(first_cells[(dropped == 0.0)[patch[first_cells]]])
+        suspect |= (dropped > 0.0) & ~is_hidden
+        again = np.flatnonzero(suspect[patch])
         self.sums[:, again] = 0.0
         if self.nearest is not None:
             self.nearest[again] = FAR
-        self.cast(again, unbounded=True)
+        self.cast(again, thorough=True)
+        self._cast_more(again)
+        self.rays += int(self._asked.sum())
 
-    def probe(self, cells: np.ndarray) -> tuple[np.ndarray, Hits]:
-        """Directions (m, 3) and unlimited hits of the first ray of each cell (m,), behind what is transparent."""
-        samples = self.samples.first(cells)
-        origins, directions = self.samples.origins(cells, samples), self.samples.directions(cells, samples)
-        scene = self.scene
-        hits = scene.intersector.intersect(origins, directions, np.full(len(origins), FAR, np.float32))
-        if scene.transparency is not None:
-            first_opaque(scene.intersector, scene.transparency, origins, directions, FAR, hits)
-        return directions, hits
+    def _cast_more(self, cells: np.ndarray) -> None:
+        """Cast anew, with more rays, those of the cells (m,) int whose patch is partly hidden.
+
+        Few of their rays count. The points are others, so that what the first ones met, which decides on the number,
+        is no part of the value.
+        """
+        scene, patch = self.scene, self.scene.cells.patch
+        dropped = self.sums[_DROPPED, cells] / self.samples.count[cells] * scene.cells.weight[cells]
+        exposed = np.ones(len(scene.cells.area))
+        exposed -= np.bincount(patch[cells], dropped, len(exposed))
+        times = self.more_rays(exposed)
+        again = cells[times[patch[cells]] > 1]
+        if len(again):
+            self.samples = self._make_samples(self._per_patch * times, self._replicate + _OTHER_POINTS)
+            self.sums[:, again] = 0.0
+            if self.nearest is not None:
+                self.nearest[again] = FAR
+            self.cast_afresh(again)
+
+    @staticmethod
+    def more_rays(exposed: np.ndarray) -> np.ndarray:
+        """How many times the usual rays patches get of which a share (p,) is outside of solids, (p,) int64."""
+        times = 2 ** np.rint(-np.log2(np.clip(exposed, 1.0 / MOST_TIMES, 1.0))).astype(np.int64)
+        return np.where(exposed < 1e-9, 1, times)
+
+    def cast_afresh(self, cells: np.ndarray) -> None:
+        """Add all rays of the cells (m,) int, which were not cast before, to their sums."""
+        self._is_afresh = True
+        self.cast(cells, thorough=True)
+
+    def _first_rays_inside(self, cells: np.ndarray) -> np.ndarray:
+        """(p,) bool: patches of the cells (m,) int whose first ray starts inside of a body."""
+        inside = np.zeros(len(self.scene.cells.area), bool)
+        blocks = [cells[at : at + self.block_rays] for at in range(0, len(cells), self.block_rays)]
+
+        def ask(block: np.ndarray) -> np.ndarray:
+            samples = self.samples.first(block)
+            rays = self.samples.origins(block, samples), self.samples.directions(block, samples)
+            return block[self._start_inside(block, *rays)]
+
+        with workers(self.samples.threads if len(blocks) > 1 else 0) as pool:
+            for found in pool.map(ask, blocks):
+                inside[self.scene.cells.patch[found]] = True
+        return inside
 
     def patch_sums(self) -> ObscuranceSums:
         """Cells weighed by area into patches."""

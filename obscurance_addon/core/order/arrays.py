@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import GeometryError
 from ..light import PatchMaterials
 from ..notes import Notes
-from ..scene import Patches, Surfaces, join_opacities, join_transmissions, occluding, solid_triangles
+from ..scene import Patches, Shells, Surfaces, join_opacities, join_transmissions, occluding
 from ..shading import DEFAULT_REFLECTANCE, FaceShading, shade_faces
 from .output import Target
 from .patch_parts import (
@@ -21,8 +21,10 @@ from .patch_parts import (
     unbaked_faces,
 )
 from .snapshot import ObjectSnapshot, SceneSnapshot
+from .solid_meshes import snapshot_with_shells
 from .traced_parts import material_slots, traced_surfaces
 
+_RECALCULATE = "turn them (in Edit Mode, Mesh > Normals > Recalculate Outside)"
 MAX_TRIANGLES = 60_000_000  # about 12 GiB in the ray tracer; instances count each time
 
 
@@ -75,6 +77,7 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
     GeometryError
         When the scene has more triangles than can be traced.
     """
+    snapshot = snapshot_with_shells(snapshot)
     beside = [baked.beside for baked in snapshot.baked if baked.beside is not None]
     objects = [baked.snapshot for baked in snapshot.baked] + beside + snapshot.occluders
     n_triangles = sum(len(ob.mesh.triangle_corners) for ob in objects)
@@ -105,10 +108,12 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
     node_starts = np.cumsum([0] + [part.n_nodes for part in parts])
     first_patch = np.cumsum([0] + [len(part.ids) for part in [*parts, *others]])
     everything = [*parts, *others]
+    surfaces = _join_surfaces(objects, worlds, [part.face_patch for part in everything], owners, first_patch)
+    first_triangle = surfaces.object_starts[owners]
     return BakeArrays(
-        surfaces=_join_surfaces(objects, worlds, [part.face_patch for part in everything], owners, first_patch),
-        patches=_join_patches(parts),
-        others=_join_patches(others),
+        surfaces=surfaces,
+        patches=_join_patches(parts, first_triangle[: len(parts)]),
+        others=_join_patches(others, first_triangle[len(parts) :]),
         materials=PatchMaterials(
             np.concatenate([part.reflectance for part in everything]),
             np.concatenate([part.emission for part in everything]),
@@ -132,6 +137,9 @@ def _note_shape(ob: ObjectSnapshot, world: WorldObject, notes: Notes) -> None:
     if not world.finite.all():
         what = "vertices have no finite position, so their faces were left out"
         notes.add(what, ob.name, cure="repair the mesh or its modifiers")
+    if ob.mesh.flipped_faces:
+        what = "faces look the other way than the rest of their surface, and were baked as if turned"
+        notes.add(what, ob.name, cure=_RECALCULATE)
     if lost := world.flattened(ob):
         axes = ("one axis", "two axes", "all axes")[lost - 1]
         what = f"the scale of these objects, or of their parents, is 0 along {axes}, so faces have no area"
@@ -160,14 +168,17 @@ def _given(objects: list[ObjectSnapshot], owners: list[int], parts: list[PatchPa
     return np.concatenate([np.full(len(part.ids), objects[owner].gives_color) for owner, part in owned])
 
 
-def _join_patches(parts: list[PatchPart]) -> Patches:
+def _join_patches(parts: list[PatchPart], first_triangle: np.ndarray) -> Patches:
+    """The patches of parts of objects whose triangles begin at `first_triangle`."""
     if not parts:
         return Patches.none()
+    shells = [np.where(part.shell > 0, part.shell + at, 0) for part, at in zip(parts, first_triangle, strict=True)]
     starts = np.cumsum([0] + [len(part.ids) for part in parts])
     return Patches(
         np.concatenate([part.cells for part in parts]),
         np.concatenate([part.patch + first for part, first in zip(parts, starts, strict=False)]),
         np.concatenate([part.ids for part in parts]),
+        np.concatenate(shells).astype(np.int32),
     )
 
 
@@ -179,17 +190,11 @@ def _join_surfaces(
     first_patch: np.ndarray,
 ) -> Surfaces:
     """All triangles; `face_patches` tell the patch of each face of the objects named by `owners`, -1 for none."""
-    solids: dict[int, np.ndarray] = {}
-    solid = []
-    for ob in objects:
-        if id(ob.mesh) not in solids:
-            solids[id(ob.mesh)] = solid_triangles(ob.mesh.positions, ob.mesh.corner_vertex[ob.mesh.triangle_corners])
-        solid.append(solids[id(ob.mesh)])
     scene_patch = [np.full(len(ob.mesh.face_start) - 1, -1, np.int64) for ob in objects]
     for owner, of_face, first in zip(owners, face_patches, first_patch, strict=False):
         if objects[owner].gives_color:
             scene_patch[owner][of_face >= 0] = of_face[of_face >= 0] + first
-    parts = [traced_surfaces(*each) for each in zip(objects, worlds, solid, scene_patch, strict=True)]
+    parts = [traced_surfaces(*each) for each in zip(objects, worlds, scene_patch, strict=True)]
     vertex_starts = np.cumsum([0] + [len(part.vertices) for part in parts])
     triangle_starts = np.cumsum([0] + [len(part.triangles) for part in parts])
     return Surfaces(
@@ -198,7 +203,7 @@ def _join_surfaces(
             [part.triangles + np.int32(first) for part, first in zip(parts, vertex_starts, strict=False)]
         ),
         reflectance=np.concatenate([part.reflectance for part in parts]),
-        solid=np.concatenate([part.solid for part in parts]),
+        shells=Shells.joined([part.shells for part in parts]),
         object_starts=triangle_starts[:-1],
         emission=np.concatenate([part.emission for part in parts]),
         patch=np.concatenate([part.patch for part in parts]),

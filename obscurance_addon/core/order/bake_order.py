@@ -19,17 +19,21 @@ from ..monitor import Monitor
 from ..notes import Notes, named
 from ..obscurance import Obscurances, bake_obscurances, white_warnings
 from ..settings import AUTO_DISTANCE_FRACTION, BakeSettings
-from ..tracing import scene_size
+from ..tracing import Rooms, scene_size
 from .arrays import BakeArrays, ObjectRange, prepare_arrays
 from .atlas_layout import LaidOut, lay_out
 from .output import OutputSettings, Scale, Target
 from .report import BakeReport, LightmapReport, ambient_report, reach_report
 from .snapshot import SceneSnapshot
+from .solid_meshes import snapshot_with_shells
 from .texel_materials import TexelMaterials
 
 _PROGRESS_STEPS = 1000  # of unwrapping
 _OVERLAPS_TOLD = 6
 _FLIP = "if the solid is a room, flip its normals (in Edit Mode, Mesh > Normals > Flip)"
+_OUTSIDE = "if they should be seen from outside, turn them (in Edit Mode, Mesh > Normals > Recalculate Outside)"
+_AWAY = "if renders should show the side of the scene, flip them (in Edit Mode, Mesh > Normals > Flip)"
+_INSIDE = "to bake the faces of these rooms on the inside, flip them (in Edit Mode, Mesh > Normals > Flip)"
 
 
 @dataclass(frozen=True)
@@ -94,12 +98,13 @@ class BakeOrder:
         """
         began = time.perf_counter()
         try:
+            order = replace(self, snapshot=snapshot_with_shells(self.snapshot))
             arrays = prepare_arrays(
-                self.snapshot, Target.FACE if self.lightmap else self.output.target, self.light.needs_light
+                order.snapshot, Target.FACE if self.lightmap else self.output.target, self.light.needs_light
             )
             monitor.advance(0)
             extract = time.perf_counter() - began
-            order, reach_from = self._with_distance(arrays)
+            order, reach_from = order._with_distance(arrays)
             carry_out = order._attributes if self.lightmap is None else order._lightmap
             result = carry_out(arrays, extract, monitor, intersector)
             return replace(result, report=replace(result.report, reach_from=reach_from))
@@ -154,7 +159,8 @@ class BakeOrder:
             warnings=arrays.warnings
             + result.warnings
             + self._white_warnings(result)
-            + self._hidden_patches(arrays.ranges, result.valid),
+            + self._rooms(arrays, result.rooms)
+            + self._hidden_patches(arrays.ranges, result.exposed),
         )
         return BakeResult(report, [values[part.first : part.end][part.element_patch] for part in arrays.ranges])
 
@@ -227,6 +233,7 @@ class BakeOrder:
             warnings=arrays.warnings
             + laid_out.notes
             + result.warnings
+            + self._rooms(arrays, result.rooms)
             + self._hidden_texels(arrays.ranges, result)
             + self._overlaps(arrays.ranges, result),
         )
@@ -248,11 +255,24 @@ class BakeOrder:
     def _names(self) -> list[str]:
         return [baked.snapshot.name for baked in self.snapshot.baked]
 
-    def _hidden_patches(self, ranges: list[ObjectRange], valid: np.ndarray) -> list[str]:
-        """Warnings for objects most of whose patches have no value of their own."""
+    def _rooms(self, arrays: BakeArrays, rooms: Rooms) -> list[str]:
+        """Notes that name the objects to bake that are rooms, or look the wrong way."""
+        notes, names, starts = Notes(), self._names(), arrays.surfaces.object_starts
+        for what, numbers, cure in (
+            ("closed around other objects, so taken for rooms of these", np.unique(rooms.body), _INSIDE),
+            ("closed, with all faces looking inwards, so baked inside", rooms.turned, _OUTSIDE),
+            ("looking away from the scene, which lies behind their faces", rooms.away, _AWAY),
+        ):
+            owners = np.searchsorted(starts, numbers - 1, side="right") - 1
+            for owner in np.unique(owners[owners < len(names)]):
+                notes.add(what, names[owner], cure=cure)
+        return notes.lines()
+
+    def _hidden_patches(self, ranges: list[ObjectRange], exposed: np.ndarray) -> list[str]:
+        """Warnings for objects most of whose surface, each patch counting alike, has no value of its own."""
         notes = Notes()
         for name, part in zip(self._names(), ranges, strict=True):
-            if 2 * np.count_nonzero(~valid[part.first : part.end]) > part.end - part.first:
+            if 2.0 * (1.0 - exposed[part.first : part.end]).sum() > part.end - part.first:
                 what = "mostly inside of a closed solid, or without area, so taken from neighbors or as open"
                 notes.add(what, name, cure=_FLIP)
         return notes.lines()

@@ -62,6 +62,7 @@ class PatchPart:
     reflectance: np.ndarray
     emission: np.ndarray
     opacity: np.ndarray | None
+    shell: np.ndarray  # of each patch, 0 for those without cells
     face_patch: np.ndarray  # of each evaluated face; -1 where it is not one patch
     element_patch: np.ndarray
     element_patch_of_node: np.ndarray
@@ -100,6 +101,7 @@ def baked_part(baked: BakedObject, world: WorldObject, target: Target) -> PatchP
         reflectance=reflectance,
         emission=emission,
         opacity=opaque,
+        shell=_shells_of(baked.snapshot.mesh, element, source_face, n_patches),
         face_patch=face_patch,
         element_patch=element_patch,
         element_patch_of_node=linked,
@@ -141,12 +143,22 @@ def other_part(ob: ObjectSnapshot, world: WorldObject, number: int, faces: np.nd
         reflectance=reflectance,
         emission=emission,
         opacity=opaque,
+        shell=_shells_of(ob.mesh, patch, face, n_patches),
         face_patch=face_patch,
         element_patch=nothing,
         element_patch_of_node=nothing,
         node=nothing,
         n_nodes=0,
     )
+
+
+def _shells_of(mesh: MeshArrays, patch: np.ndarray, face: np.ndarray, n_patches: int) -> np.ndarray:
+    """Number of the shell of each patch (p,) int32, some of whose cells lie on the evaluated faces `face`."""
+    of_face = np.zeros(len(mesh.face_start) - 1, np.int32)
+    of_face[mesh.triangle_face] = mesh.shells.shell
+    shell = np.zeros(n_patches, np.int32)
+    shell[patch] = of_face[face]
+    return shell
 
 
 def _patch_means(

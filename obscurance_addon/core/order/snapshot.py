@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..light import LightSources
+from ..scene import Shells
 from ..shading import Shading, SurfaceArrays
 
 
@@ -35,6 +36,10 @@ class MeshArrays:
         vertices were before modifiers; None for meshes whose faces are the unmodified ones.
     uv : ndarray, (c, 2) float32, or None
         The UV map that was asked for, if the mesh has it; `uv_map` is its name.
+    shells : Shells or None
+        None until `with_shells` has found them, and turned the triangles of
+    flipped_faces : int
+        so many faces.
     """
 
     positions: np.ndarray
@@ -50,6 +55,8 @@ class MeshArrays:
     rest: np.ndarray | None = None
     uv: np.ndarray | None = None
     uv_map: str = ""
+    shells: Shells | None = None
+    flipped_faces: int = 0
 
 
 @dataclass(frozen=True)

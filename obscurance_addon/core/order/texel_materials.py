@@ -47,8 +47,10 @@ class TexelMaterials:
             of = np.flatnonzero(owner == number)
             own = triangle[of] - self._first[number]
             corners = self._barycentric(triangle[of], place[of])
-            if np.linalg.det(ob.matrix[:3, :3]) < 0.0:  # the layout has their corners the other way round
-                corners = corners[..., ::-1]
+            # The layout may have their corners the other way round.
+            turned = ob.mesh.triangle_corners[own, 0] != ob.surface.triangle_corners[own, 0]
+            turned ^= np.linalg.det(ob.matrix[:3, :3]) < 0.0
+            corners = np.where(turned[:, None, None], corners[..., ::-1], corners)
             surface = _small_triangles(ob.surface, own, corners.astype(np.float32))
             shaded = shade_faces(ob.shadings, material_slots(ob)[ob.mesh.triangle_face[own]], surface)
             reflectance[of], emission[of] = shaded.reflectance, shaded.emission

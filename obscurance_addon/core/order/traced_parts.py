@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..scene import LEAST_TRANSMISSION, Surfaces, Transmission, windowless_shells
+from ..scene import LEAST_TRANSMISSION, Surfaces, Transmission
 from ..shading import PlaceLookup
 from .patch_parts import WorldObject
 from .snapshot import ObjectSnapshot
@@ -16,41 +16,28 @@ def material_slots(ob: ObjectSnapshot) -> np.ndarray:
     return np.clip(ob.mesh.face_material, 0, max(slots - 1, 0))  # beyond the slots the last one counts, as in Cycles
 
 
-def traced_surfaces(
-    ob: ObjectSnapshot, world: WorldObject, solid: np.ndarray, face_patch: np.ndarray | None
-) -> Surfaces:
-    """The triangles of one object that rays can hit; reflectance is NaN where others do not see it.
+def traced_surfaces(ob: ObjectSnapshot, world: WorldObject, face_patch: np.ndarray | None) -> Surfaces:
+    """The triangles of one object whose mesh has its shells; reflectance is NaN where others do not see it.
 
-    Parameters
-    ----------
-    ob : ObjectSnapshot
-    world : WorldObject
-    solid : ndarray, (t,) bool
-        Of closed shells, by their shape alone.
-    face_patch : ndarray, (f,) int, or None
-        The patch of each face, -1 for none.
+    Rays do not meet those that let all light through; an object with nothing else has no triangles. `face_patch` is the
+    patch of each face (f,) int, -1 for none.
     """
-    face = ob.mesh.triangle_face
-    vertices, triangles = world.vertices, world.triangles
-    transmission = None
-    if world.transmission is not None:
-        transmission = _transmission(ob, world)
-        if transmission is not None and solid.any():
-            solid = solid & windowless_shells(ob.mesh.positions, triangles, transmission.mean.any(1))
-    if (gone := world.is_absent()).any():
-        kept = np.flatnonzero(~gone[face])
-        vertices = vertices if len(kept) else vertices[:0]
-        triangles, solid, face = triangles[kept], solid[kept], face[kept]
-        transmission = transmission.only(kept)
+    shells = ob.mesh.shells
+    transmission = None if world.transmission is None else _transmission(ob, world)
+    if transmission is not None:
+        shells = shells.without_windows(transmission.mean.any(1))
+    absent = world.is_absent()[ob.mesh.triangle_face]
+    kept = np.arange(0 if absent.all() else len(absent))
+    face, occludes = ob.mesh.triangle_face[kept], ob.occludes & ~absent[kept]
     return Surfaces(
-        vertices=vertices,
-        triangles=triangles,
+        vertices=world.vertices if len(kept) else world.vertices[:0],
+        triangles=world.triangles[kept],
         reflectance=world.reflectance[face] if ob.gives_color else np.full((len(face), 3), np.nan, np.float32),
-        solid=solid,
+        shells=shells.only(kept),
         emission=world.emission[face] * np.float32(ob.gives_color),
         patch=None if face_patch is None else face_patch[face].astype(np.int32),
-        occludes=None if ob.occludes else np.zeros(len(triangles), bool),
-        transmission=transmission,
+        occludes=None if occludes.all() else occludes,
+        transmission=None if transmission is None else transmission.only(kept),
     )
 
 

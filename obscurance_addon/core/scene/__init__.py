@@ -4,6 +4,7 @@ In go vertices, triangles and reflectances. Out come patches cut into cells, clo
 mean reflectance, and objects joined into one scene.
 """
 
+from .components import connected_components
 from .corners import corner_cells, face_of_corner, smooth_fans
 from .filling import fill_invalid
 from .meshes import mesh_object
@@ -22,7 +23,7 @@ from .patches import (
     usable_triangles,
 )
 from .reflectance import LUMINANCE, hidden_sums, mean_of_sums, mean_reflectance, scattering_mean, surface_sums
-from .solids import connected_components, finite_or_nan, solid_triangles
+from .solids import Shells, find_shells, finite_or_nan
 from .strands import balls, thinned, tubes
 from .transmission import (
     LEAST_TRANSMISSION,
@@ -30,7 +31,6 @@ from .transmission import (
     Transmission,
     join_transmissions,
     opacity,
-    windowless_shells,
 )
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "Normalisation",
     "Patches",
     "SceneObject",
+    "Shells",
     "Surfaces",
     "Transmission",
     "as_triangles",
@@ -51,6 +52,7 @@ __all__ = [
     "corner_cells",
     "face_of_corner",
     "fill_invalid",
+    "find_shells",
     "finite_or_nan",
     "hidden_sums",
     "join_cells",
@@ -66,11 +68,9 @@ __all__ = [
     "same_numbers",
     "scattering_mean",
     "smooth_fans",
-    "solid_triangles",
     "surface_sums",
     "thinned",
     "triangle_areas",
     "tubes",
     "usable_triangles",
-    "windowless_shells",
 ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .solids import connected_components
+from .components import connected_components
 
 PLANARITY = 1e-6  # distance of the outline from the surface, relative to the largest coordinate: float32 rounding
 COPLANAR_COSINE = np.cos(np.radians(1.0))  # flat-shaded faces that meet flatter than this show no crease

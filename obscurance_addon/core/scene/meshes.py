@@ -11,7 +11,7 @@ from ..errors import GeometryError, SettingsError
 from ..sampling import hash32
 from .objects import SceneObject
 from .patches import Patches, Surfaces
-from .solids import finite_or_nan, solid_triangles
+from .solids import find_shells, finite_or_nan
 
 
 def mesh_object(
@@ -30,8 +30,8 @@ def mesh_object(
     vertices : array_like, (v, 3) float
         World positions in metres. Triangles with a corner that is not finite are left out.
     triangles : array_like, (t, 3) int
-        Vertex indices, counter-clockwise seen from outside. Neighbours share indices: a mesh whose vertices are not
-        merged is no closed solid, and is seen from both sides.
+        Vertex indices, counter-clockwise seen from outside. Triangles that are the other way round than most of the
+        area that hangs together with them are turned.
     reflectance : array_like of float, (), (3,) or (f, 3)
         Diffuse reflectance in linear colour, 0 .. 1: of everything, or of each face.
     face : array_like, (t,) int, optional
@@ -64,18 +64,23 @@ def mesh_object(
         face = _indices("face", face, (len(triangles),), None)
         n_faces = int(face.max(initial=-1)) + 1
     colours = _reflectance(reflectance, n_faces)
+    shells, flipped = find_shells(vertices, triangles)
+    triangles = np.where(flipped[:, None], triangles[:, ::-1], triangles)
     surfaces = Surfaces(
         vertices,
         triangles.astype(np.int32),
         colours[face].astype(np.float32),
-        solid_triangles(vertices, triangles),
+        shells,
         patch=(face if receives else np.full(len(face), -1)).astype(np.int32),
     )
     if not receives:
         return SceneObject(surfaces, Patches.none(), np.zeros((0, 3)))
     order = np.argsort(face, kind="stable")
     seed = hash32(np.uint32(zlib.crc32(name.encode())))
-    patches = Patches(vertices[triangles[order]], face[order], hash32(np.arange(n_faces, dtype=np.uint32) ^ seed))
+    shell = np.zeros(n_faces, np.int32)
+    shell[face] = shells.shell
+    ids = hash32(np.arange(n_faces, dtype=np.uint32) ^ seed)
+    patches = Patches(vertices[triangles[order]], face[order], ids, shell)
     return SceneObject(surfaces, patches, colours, (np.repeat(face, 3), triangles.ravel()))
 
 

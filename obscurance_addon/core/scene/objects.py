@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .patches import Patches, Surfaces
+from .solids import Shells
 from .transmission import join_transmissions
 
 
@@ -41,7 +42,17 @@ class SceneObject:
         if not (two is None if one is None else one.equals(two)):
             return False
         mine, others = (
-            (s.vertices, s.triangles, s.solid, occluding(s), p.corners, p.patch, p.ids, *(neighbours or ()))
+            (
+                s.vertices,
+                s.triangles,
+                s.shells.shell,
+                s.shells.body,
+                occluding(s),
+                p.corners,
+                p.patch,
+                p.ids,
+                *(neighbours or ()),
+            )
             for s, p, neighbours in ((o.surfaces, o.patches, o.neighbours) for o in (self, other))
         )
         return len(mine) == len(others) and all(map(same_numbers, mine, others))
@@ -84,6 +95,11 @@ def join_objects(objects: Iterable[SceneObject]) -> JoinedObjects:
     neighbours = [
         (o.neighbours[0] + patch[i], o.neighbours[1] + node[i]) for i, o in enumerate(objects) if o.neighbours
     ]
+    triangle = _starts(len(s.triangles) for s in surfaces)
+    shell_of_patch = None
+    if all(p.shell is not None for p in patches):
+        shells = [np.where(p.shell > 0, p.shell + np.int32(triangle[i]), 0) for i, p in enumerate(patches)]
+        shell_of_patch = np.concatenate([np.zeros(0, np.int32), *shells]).astype(np.int32)
     return JoinedObjects(
         Surfaces(
             np.concatenate([np.zeros((0, 3)), *(s.vertices for s in surfaces)]),
@@ -91,8 +107,8 @@ def join_objects(objects: Iterable[SceneObject]) -> JoinedObjects:
                 [np.zeros((0, 3), np.int32), *(s.triangles + np.int32(vertex[i]) for i, s in enumerate(surfaces))]
             ),
             np.concatenate([np.zeros((0, 3), np.float32), *(s.reflectance for s in surfaces)]),
-            np.concatenate([np.zeros(0, bool), *(s.solid for s in surfaces)]),
-            _starts(len(s.triangles) for s in surfaces)[:-1],
+            Shells.joined([s.shells for s in surfaces]),
+            triangle[:-1],
             occludes=np.concatenate([np.zeros(0, bool), *map(occluding, surfaces)])
             if any(s.occludes is not None for s in surfaces)
             else None,
@@ -102,6 +118,7 @@ def join_objects(objects: Iterable[SceneObject]) -> JoinedObjects:
             np.concatenate([np.zeros((0, 3, 3)), *(p.corners for p in patches)]),
             np.concatenate([np.zeros(0, np.int64), *(p.patch + patch[i] for i, p in enumerate(patches))]),
             np.concatenate([np.zeros(0, np.uint32), *(p.ids for p in patches)]),
+            shell_of_patch,
         ),
         np.concatenate([np.zeros((0, 3)), *(o.reflectance for o in objects)]),
         tuple(map(np.concatenate, zip(*neighbours, strict=True))) if neighbours else None,

@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import GeometryError
 from ..sampling import orthonormal_frames
 from ..workers import workers
+from .solids import Shells
 from .transmission import Transmission
 
 # Rays start this fraction of the largest coordinate of their cell above it, in coordinates centred on the scene: a
@@ -43,8 +44,8 @@ class Surfaces:
     reflectance : ndarray, (t, 3) float32
         Diffuse reflectance per RGB channel in linear colour, 0 .. 1; NaN for triangles whose colour nothing sees, which
         R_ave leaves out.
-    solid : ndarray, (t,) bool
-        Triangles of closed solids seen from outside (`core.scene.solids.solid_triangles`).
+    shells : Shells
+        What is solid (`core.scene.solids.find_shells`); flipped triangles are turned.
     object_starts : ndarray, (o,) int
         First triangle of each object; objects out of reach of the patches are not traced.
     emission : ndarray, (t, 3) float32, or None
@@ -61,7 +62,7 @@ class Surfaces:
     vertices: np.ndarray
     triangles: np.ndarray
     reflectance: np.ndarray
-    solid: np.ndarray
+    shells: Shells
     object_starts: np.ndarray = field(default_factory=lambda: np.zeros(1, np.int64))
     emission: np.ndarray | None = None
     patch: np.ndarray | None = None
@@ -75,7 +76,7 @@ class Surfaces:
             vertices,
             self.triangles[kept],
             self.reflectance[kept],
-            self.solid[kept],
+            self.shells.only(kept),
             **{name: None if values is None else values[kept] for name, values in rest.items()},
             transmission=None if self.transmission is None else self.transmission.only(kept),
         )
@@ -93,11 +94,15 @@ class Patches:
         Patch of each cell, ascending. Patches without a cell are allowed and come out invalid.
     ids : ndarray, (p,) uint32
         Stable identity of each patch: the same id casts the same rays.
+    shell : ndarray, (p,) int32, or None
+        Number of the shell that each patch is a part of, as of `Shells`, 0 for none; None where that is not known, and
+        then nobody is in a room.
     """
 
     corners: np.ndarray
     patch: np.ndarray
     ids: np.ndarray
+    shell: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -105,7 +110,7 @@ class Patches:
     @classmethod
     def none(cls) -> Patches:
         """No patch at all."""
-        return cls(np.zeros((0, 3, 3)), np.zeros(0, np.int64), np.zeros(0, np.uint32))
+        return cls(np.zeros((0, 3, 3)), np.zeros(0, np.int64), np.zeros(0, np.uint32), np.zeros(0, np.int32))
 
     def with_others(self, others: Patches) -> Patches:
         """These patches, then the others."""
@@ -113,6 +118,7 @@ class Patches:
             np.concatenate([self.corners, others.corners]),
             np.concatenate([self.patch, others.patch + len(self)]),
             np.concatenate([self.ids, others.ids]),
+            None if self.shell is None or others.shell is None else np.concatenate([self.shell, others.shell]),
         )
 
 

@@ -9,8 +9,6 @@ from typing import Protocol
 
 import numpy as np
 
-from .solids import connected_components
-
 LEAST_TRANSMISSION = 1e-3  # a surface that lets less through is opaque
 
 
@@ -107,21 +105,3 @@ def join_transmissions(parts: Sequence[tuple[int, Transmission | None]]) -> Tran
 def opacity(transmission: np.ndarray) -> np.ndarray:
     """Share of the light that surfaces of a transmission (n, 3) stop, without colour, (n,) float64."""
     return 1.0 - transmission.mean(1, dtype=np.float64)
-
-
-def windowless_shells(vertices: np.ndarray, triangles: np.ndarray, transparent: np.ndarray) -> np.ndarray:
-    """(t,) bool: triangles of shells that no light passes: only these may enclose a solid.
-
-    Parameters
-    ----------
-    vertices : ndarray, (v, 3) float
-        Those in one place are one.
-    triangles : ndarray, (t, 3) int
-    transparent : ndarray, (t,) bool
-    """
-    points, index = np.unique(vertices + 0.0, axis=0, return_inverse=True)
-    triangles = index.reshape(-1)[triangles]
-    shell = connected_components(len(points), np.concatenate([triangles[:, :2], triangles[:, 1:]]))[triangles[:, 0]]
-    has_window = np.zeros(len(points), bool)
-    has_window[shell[transparent]] = True
-    return ~has_window[shell]

@@ -15,6 +15,7 @@ from ..settings import AUTO_DISTANCE_FRACTION, BakeSettings
 from .embree import EmbreeIntersector
 from .intersector import Intersector
 from .reach import object_boxes, scene_size
+from .rooms import Rooms
 from .splitting import make_intersector
 from .traced_scene import TracedScene, prepare_scene
 
@@ -47,11 +48,13 @@ class BuiltScene(NamedTuple):
     normalisation : Normalisation
     d_max : float
         Reach of the rays in metres.
+    rooms : Rooms
     """
 
     traced: TracedScene
     normalisation: Normalisation
     d_max: float
+    rooms: Rooms
 
 
 def reach_of(surfaces: Surfaces, patches: Patches, settings: BakeSettings) -> float:
@@ -104,8 +107,8 @@ def build_scene(
 
     finite = np.nan_to_num(vertices, nan=0.0, posinf=0.0, neginf=0.0)  # no triangle that is kept has the others
     tracer = make_intersector(intersector, finite, reached.triangles, slender, progress)
-    traced = prepare_scene(reached, patches, normalisation, tracer, settings, d_max)
-    return BuiltScene(traced, normalisation, d_max)
+    traced, rooms = prepare_scene(reached, patches, normalisation, tracer, settings, d_max)
+    return BuiltScene(traced, normalisation, d_max, rooms)
 
 
 def _triangles_in_reach(surfaces: Surfaces, patches: Patches, d_max: float) -> np.ndarray:

@@ -1,11 +1,11 @@
-"""First hits that do not mean what they seem: doubled faces, and the inside of solids."""
+"""First hits that do not mean what they seem: doubled faces, and what lies behind the inside of solids."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from .intersector import Hits
-from .traced_scene import FAR, TracedScene
+from .traced_scene import TracedScene
 
 SAME_DIRECTION = 0.999  # cosine above which two touching faces count as doubles of each other
 COPLANAR_OFFSETS = 4.0  # hits within this many ray offsets are looked at for doubled faces
@@ -60,32 +60,21 @@ def _that_meet_doubles(scene: TracedScene, cells: np.ndarray, n: int, hits: Hits
 
 
 def shadowed(
-    scene: TracedScene, origins: np.ndarray, directions: np.ndarray, distances: np.ndarray, may_be_inside: np.ndarray
+    scene: TracedScene,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    distances: np.ndarray,
+    may_be_inside: np.ndarray,
+    rooms: np.ndarray | None,
 ) -> np.ndarray:
     """(n,) bool: rays that meet something nearer than `distances`, or that start inside of a solid.
 
-    `may_be_inside` (n,) bool tells the rays for which that must be found out, which takes their first hit.
+    `may_be_inside` (n,) bool tells the rays for which that must be found out, `rooms` as of `Bodies.start_inside`.
     """
-    blocked = np.ones(len(origins), bool)
-    sure, unsure = np.flatnonzero(~may_be_inside), np.flatnonzero(may_be_inside)
-    if len(sure):
-        parts = (np.take(array, sure, axis=0) for array in (origins, directions, distances))
-        blocked[sure] = scene.intersector.occluded(*parts)
-    if len(unsure):
-        directions = np.take(directions, unsure, axis=0)
-        far = np.full(len(unsure), FAR, np.float32)
-        hits = scene.intersector.intersect(np.take(origins, unsure, axis=0), directions, far)
-        reached = (hits.triangle < 0) | (hits.distance >= np.take(distances, unsure))
-        blocked[unsure] = ~reached | starts_inside(scene, directions, hits)
+    blocked = scene.intersector.occluded(origins, directions, distances)
+    unsure = np.flatnonzero(may_be_inside & ~blocked)
+    if len(unsure) and scene.bodies is not None:
+        rooms = None if rooms is None else rooms[unsure]
+        rays = np.take(origins, unsure, axis=0), np.take(directions, unsure, axis=0)
+        blocked[unsure] = scene.bodies.start_inside(*rays, rooms)[0]
     return blocked
-
-
-def starts_inside(scene: TracedScene, directions: np.ndarray, hits: Hits) -> np.ndarray:
-    """(n,) bool: rays whose first hit is the inside of a solid, which therefore start inside of it."""
-    with np.errstate(all="ignore"):  # normals of misses hold anything
-        along = directions[:, 0] * hits.normal[:, 0]  # coordinate by coordinate, as directions lie in memory
-        along += directions[:, 1] * hits.normal[:, 1]
-        along += directions[:, 2] * hits.normal[:, 2]
-        inside = along > 0.0
-    inside &= np.take(scene.solid, hits.triangle + 1, mode="clip")
-    return inside

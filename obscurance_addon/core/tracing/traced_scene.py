@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..falloff import Falloff
 from ..scene import Cells, Normalisation, Patches, Surfaces, prepare_cells
 from ..settings import BakeSettings
-from .intersector import Intersector
+from .bodies import FAR, Bodies, BodyShapes
+from .facing import looking_away
+from .intersector import Hits, Intersector
+from .rooms import Rooms, ShellPoints, settle_rooms
 from .transparency import Transparency
 
-FAR = np.float32(1e30)  # stands for an infinite ray length, so that 0 x length stays 0
 NEAR = np.float32(1e-30)  # the shortest ray length, so that length / length stays 1
 
 
@@ -28,8 +30,10 @@ class TracedScene:
     intersector : Intersector
     palette : ndarray, (t + 1, 4) float32, or None
         Reflectance and 1 of each triangle, row 0 for misses; None where hits add no colour.
-    solid : ndarray, (t + 1,) bool, or None
-        Triangles of closed solids, entry 0 for misses; None when there is none.
+    bodies : Bodies or None
+        What is solid; None when nothing is.
+    rooms : ndarray, (p, depth) int32, or None
+        Bodies that are rooms for each patch, 0 for none; None where no patch is in a room.
     limit : float32
         d_max in normalised units.
     scale : float32
@@ -43,16 +47,31 @@ class TracedScene:
     surfaces: Surfaces
     intersector: Intersector
     palette: np.ndarray | None
-    solid: np.ndarray | None
+    bodies: Bodies | None
+    rooms: np.ndarray | None
     limit: np.float32
     scale: np.float32
     falloff: Falloff
     transparency: Transparency | None = None
 
+    def rooms_of_patches(self, patches: np.ndarray) -> np.ndarray | None:
+        """Rooms (m, depth) of some patches (m,) int; None where no patch is in a room."""
+        return None if self.rooms is None else self.rooms[patches]
+
+    def rooms_of(self, cells: np.ndarray, n: int) -> np.ndarray | None:
+        """Rooms (m n, depth) of the rays of cells (m,), n of each; None where no patch is in a room."""
+        return None if self.rooms is None else np.repeat(self.rooms[self.cells.patch[cells]], n, axis=0)
+
+    def meets_inside(self, directions: np.ndarray, hits: Hits, rooms: np.ndarray | None) -> np.ndarray:
+        """(n,) bool: rays whose first hit is the inside of a body that is no room of theirs; there is a body."""
+        inside = self.bodies.left_first(directions, hits)
+        self.bodies.spare_rooms(inside, hits, rooms)
+        return inside
+
     @property
     def needs_only_occlusion(self) -> bool:
         """STEP asks only whether something was hit, unless solids are told from within, or something is transparent."""
-        return self.falloff is Falloff.STEP and self.solid is None and self.transparency is None
+        return self.falloff is Falloff.STEP and self.bodies is None and self.transparency is None
 
 
 def prepare_scene(
@@ -62,8 +81,8 @@ def prepare_scene(
     intersector: Intersector,
     settings: BakeSettings,
     d_max: float,
-) -> TracedScene:
-    """Build the look-up tables of a scene.
+) -> tuple[TracedScene, Rooms]:
+    """Build the look-up tables of a scene, and find its rooms.
 
     Parameters
     ----------
@@ -82,19 +101,27 @@ def prepare_scene(
         palette = np.zeros((len(surfaces.triangles) + 1, 4), np.float32)
         palette[1:, :3] = palette_colours(surfaces)
         palette[1:, 3] = 1.0
-    solid = np.concatenate([[False], surfaces.solid]) if surfaces.solid.any() else None
+    bodies, body = None, surfaces.shells.body
+    if body.any():
+        shapes = BodyShapes.of(surfaces.vertices, surfaces.triangles, body)
+        bodies = Bodies(np.append(np.int32(0), body), shapes)
+    bodies, rooms = settle_rooms(ShellPoints.of(surfaces.vertices, surfaces.triangles, surfaces.shells), bodies)
+    cells = prepare_cells(patches, normalisation, settings.thread_count())
+    if patches.shell is not None and len(surfaces.triangles):
+        rooms = replace(rooms, away=looking_away(cells, patches.shell, surfaces, intersector))
     limit, scale = limit_and_scale(d_max, normalisation)
     return TracedScene(
-        prepare_cells(patches, normalisation, settings.thread_count()),
+        cells,
         surfaces,
         intersector,
         palette,
-        solid,
+        bodies,
+        None if patches.shell is None else rooms.of(patches.shell),
         limit,
         scale,
         settings.falloff,
         Transparency.of(surfaces.transmission, normalisation),
-    )
+    ), rooms
 
 
 def needs_palette(settings: BakeSettings) -> bool:

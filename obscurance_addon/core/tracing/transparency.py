@@ -217,24 +217,3 @@ class Passage:
             self.distance, self.triangle, self.normal = distance, found.triangle, found.normal
         else:
             self.distance[rays], self.triangle[rays], self.normal[rays] = distance, found.triangle, found.normal
-
-
-def first_opaque(
-    intersector: Intersector,
-    transparency: Transparency,
-    origins: np.ndarray,
-    directions: np.ndarray,
-    limits: np.ndarray | np.float32,
-    hits: Hits,
-) -> None:
-    """Overwrite the hits of rays with the first that they meet behind all transparent surfaces."""
-    passage = Passage(
-        intersector, origins, directions, limits, hits, np.flatnonzero(transparency.lets_through(hits.triangle))
-    )
-    for _ in range(MAX_SURFACES):
-        if not len(passage.rays):
-            return
-        passage.go_on()
-        hits.distance[passage.rays], hits.triangle[passage.rays] = passage.distance, passage.triangle
-        hits.normal[passage.rays] = passage.normal
-        passage.keep(transparency.lets_through(passage.triangle))

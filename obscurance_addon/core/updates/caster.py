@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..obscurance import Caster, Layered, Progress
+from ..obscurance import Caster, Progress
 from ..settings import BakeSettings
 from ..tracing import (
     MISS,
@@ -19,7 +19,6 @@ from ..tracing import (
     meet_doubled_faces,
     nothing,
     pass_doubled_faces,
-    starts_inside,
 )
 from .hit_cache import NEVER, NO_SLOT, SUMS, HitCache, KeptHits
 
@@ -68,9 +67,8 @@ class LayeredCaster(Caster):
     moving : list of MovingLayer
         Everything else.
     cache : HitCache
-    slots : ndarray, (2, c) int64
-        Slot of each cell in the cache, NO_SLOT or NEVER: for its rays as far as d_max, and for those without limit.
-        Filled in where hits are kept.
+    slots : ndarray, (c,) int64
+        Slot of each cell in the cache, NO_SLOT or NEVER. Filled in where hits are kept.
     may_keep : ndarray, (c,) bool
         Cells whose hits may be kept.
     helper : Executor
@@ -80,10 +78,6 @@ class LayeredCaster(Caster):
     ----------
     cached : int
         Rays whose hit among what stands still was known.
-    probes : ndarray, (p,) int64
-        Triangle that the unlimited ray of each patch met that was asked for one; else MISS.
-    farthest : ndarray, (p,) float64
-        Distance of the farthest hit of each patch whose rays were cast without limit; else 0.
     """
 
     keeps_tables = True
@@ -105,19 +99,15 @@ class LayeredCaster(Caster):
     ) -> None:
         super().__init__(scene, ids, settings, progress=progress, block_rays=_BLOCK_RAYS, rays=rays)
         self.cached = 0
-        self.probes = np.full(len(ids), MISS, np.int64)
-        self.farthest = np.zeros(len(ids))
         self._static, self._moving, self._cache = static, moving, cache
-        self.slots = self._slots = slots
+        self.slots = slots
         self._may_keep = may_keep
-        self._far_of_cell = np.zeros(len(scene.cells.patch))
-        self._mode, self._unbounded = _Mode.IN_FULL, False
+        self._mode = _Mode.IN_FULL
         self._threads = self.samples.threads
         self._helper = helper if self._threads > 1 else None
 
-    def cast(self, cells: np.ndarray, unbounded: bool = False) -> None:
-        self._unbounded, slots = unbounded, self.slots[int(unbounded)]
-        self._slots, count = slots, self.samples.count
+    def cast(self, cells: np.ndarray, thorough: bool = False) -> None:
+        slots, count = self.slots, self.samples.count
         known = slots[cells] >= 0
         to_keep = self._may_keep[cells] & (slots[cells] == NO_SLOT) & self.in_one_pass()[cells]
         keep = cells[to_keep]
@@ -129,27 +119,27 @@ class LayeredCaster(Caster):
             alone = mode is _Mode.CACHED or count[cells[group]].sum() < _ALONE_RAYS
             self.samples.threads = 0 if alone else self._threads
             self.scene.intersector.helper = self._helper if alone else None
-            super().cast(cells[group], unbounded)
+            super().cast(cells[group], thorough)
         self._cache.waste(int(count[keep[slots[keep] == NEVER]].sum()))
-        if unbounded:
-            np.maximum.at(self.farthest, self.scene.cells.patch, self._far_of_cell)
+
+    def cast_afresh(self, cells: np.ndarray) -> None:
+        self._mode = _Mode.IN_FULL
+        self.samples.threads = 0 if self.samples.count[cells].sum() < _ALONE_RAYS else self._threads
+        self.scene.intersector.helper = None
+        self._is_afresh = True
+        super().cast(cells, thorough=True)
 
     def in_one_pass(self) -> np.ndarray:
         """(c,) bool: cells whose rays are all handed out at once, so that their number tells which they are."""
         start, count = self.samples.start, self.samples.count
         return start // TABLE_ROWS == (start + count - 1) // TABLE_ROWS
 
-    def probe(self, cells: np.ndarray) -> tuple[np.ndarray, Hits]:
-        directions, hits = super().probe(cells)
-        self.probes[self.scene.cells.patch[cells]] = hits.triangle
-        return directions, hits
-
-    def _cast_block(self, cells: np.ndarray, samples: np.ndarray, unbounded: bool) -> None:
+    def _cast_block(self, cells: np.ndarray, samples: np.ndarray, thorough: bool) -> None:
         kept_sums = self.uses_kept_sums and self._mode is _Mode.CACHED
-        if not kept_sums or unbounded or self.scene.needs_only_occlusion:
-            super()._cast_block(cells, samples, unbounded)
+        if not kept_sums or thorough or self.scene.needs_only_occlusion:
+            super()._cast_block(cells, samples, thorough)
             return
-        n, slots = samples.shape[2], self._slots[cells]
+        n, slots = samples.shape[2], self.slots[cells]
         origins, directions = self.samples.origins(cells, samples), self.samples.directions(cells, samples)
         moved = nothing(self._cache.distances(slots, n))
         for layer in self._layers_near(cells):
@@ -165,8 +155,8 @@ class LayeredCaster(Caster):
             )
             kept = self._cache.read(slots[rest], n)
             hits = Hits(distance, np.where(triangle >= 0, triangle, kept.triangle), normal)
-            dropped = self._finish(cells[rest], origins, directions, self.scene.limit, hits, kept.inside)
-            layered = self.layered(cells[rest], origins, directions, self.scene.limit, hits, dropped)
+            dropped = self._finish(cells[rest], origins, directions, hits, kept.inside)
+            layered = self.layered(cells[rest], origins, directions, hits, dropped)
             self._weigh(cells[rest], n, hits.distance, hits.triangle, dropped, layered)
             new = ~known & ~touched
             self._cache.write_sums(slots[new], n, self.sums[:SUMS, cells[new]])
@@ -176,63 +166,37 @@ class LayeredCaster(Caster):
         if self._mode is _Mode.IN_FULL:
             return super().blocked(cells, origins, directions, limits)
         if self._mode is _Mode.CACHED:
-            blocked = self._cache.read(self._slots[cells], len(origins) // len(cells)).triangle >= 0
+            blocked = self._cache.read(self.slots[cells], len(origins) // len(cells)).triangle >= 0
         else:
             blocked = np.zeros(len(origins), bool)
             if self._static is not None:
                 self._static.block(origins, directions, limits, blocked)
             kept = KeptHits(limits, np.where(blocked, 0, MISS).astype(np.int32), np.zeros(len(origins), bool))
-            self._cache.write(self._slots[cells], kept)
+            self._cache.write(self.slots[cells], kept)
         for layer in self._layers_near(cells):
             layer.block(origins, directions, limits, blocked)
         return blocked
 
     def first_hits(
-        self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray, limit: np.float32
+        self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray
     ) -> tuple[Hits, np.ndarray | None]:
         if self._mode is _Mode.IN_FULL:
-            hits, dropped = super().first_hits(cells, origins, directions, limits, limit)
-        else:
-            hits, dropped = self._hits_with_cache(cells, origins, directions, limits, limit)
-        if self._unbounded:
-            far = np.where(hits.triangle >= 0, hits.distance, np.float32(0.0)).reshape(len(cells), -1).max(1)
-            self._far_of_cell[cells] = np.maximum(self._far_of_cell[cells], far)
-        return hits, dropped
-
-    def layered(
-        self,
-        cells: np.ndarray,
-        origins: np.ndarray,
-        directions: np.ndarray,
-        limit: np.float32,
-        hits: Hits,
-        dropped: np.ndarray | None,
-    ) -> Layered | None:
-        layered = super().layered(cells, origins, directions, limit, hits, dropped)
-        if layered is not None and self._unbounded:
-            n = len(origins) // len(cells)
-            np.maximum.at(self._far_of_cell, cells[layered.rays // n], layered.farthest)
-        return layered
-
-    def _hits_with_cache(
-        self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray, limit: np.float32
-    ) -> tuple[Hits, np.ndarray | None]:
+            return super().first_hits(cells, origins, directions, limits)
         n = len(origins) // len(cells)
         if self._mode is _Mode.CACHED:
-            kept = self._cache.read(self._slots[cells], n)
+            kept = self._cache.read(self.slots[cells], n)
             hits, inside = Hits(kept.distance, kept.triangle, np.zeros((len(origins), 3), np.float32)), kept.inside
         else:
             hits, inside = self._keep(cells, origins, directions, limits), None  # their normals tell
         for layer in self._layers_near(cells):
             layer.nearer(origins, directions, hits)
-        return hits, self._finish(cells, origins, directions, limit, hits, inside)
+        return hits, self._finish(cells, origins, directions, hits, inside)
 
     def _finish(
         self,
         cells: np.ndarray,
         origins: np.ndarray,
         directions: np.ndarray,
-        limit: np.float32,
         hits: Hits,
         inside: np.ndarray | None,
     ) -> np.ndarray | None:
@@ -240,13 +204,14 @@ class LayeredCaster(Caster):
 
         Normals of hits from the cache are 0: no face doubles those, and cells that see doubled faces are not kept.
         """
-        pass_doubled_faces(self.scene, cells, len(origins) // len(cells), origins, directions, limit, hits)
-        if self.scene.solid is None:
+        pass_doubled_faces(self.scene, cells, len(origins) // len(cells), origins, directions, self.scene.limit, hits)
+        if self.scene.bodies is None:
             return None
-        dropped = starts_inside(self.scene, directions, hits)
+        dropped = self.scene.bodies.left_first(directions, hits)
         if inside is not None:
             rays = np.flatnonzero(inside)
             dropped[rays] |= ~hits.normal[rays].any(1)
+        self.scene.bodies.spare_rooms(dropped, hits, self.scene.rooms_of(cells, len(origins) // len(cells)))
         return dropped
 
     def _keep(self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray) -> Hits:
@@ -255,19 +220,17 @@ class LayeredCaster(Caster):
         if self._static is not None:
             self._static.nearer(origins, directions, hits)
         inside = np.zeros(len(origins), bool)
-        if self.scene.solid is not None:
-            inside = starts_inside(self.scene, directions, hits)
-        self._cache.write(self._slots[cells], KeptHits(hits.distance, hits.triangle, inside))
+        if self.scene.bodies is not None:
+            inside = self.scene.bodies.left_first(directions, hits)
+        self._cache.write(self.slots[cells], KeptHits(hits.distance, hits.triangle, inside))
         n = len(origins) // len(cells)
-        self._slots[cells[meet_doubled_faces(self.scene, cells, n, hits) // n]] = NEVER
+        self.slots[cells[meet_doubled_faces(self.scene, cells, n, hits) // n]] = NEVER
         if self.scene.transparency is not None:
             through = np.flatnonzero(self.scene.transparency.lets_through(hits.triangle))
-            self._slots[cells[through // n]] = NEVER
+            self.slots[cells[through // n]] = NEVER
         return hits
 
     def _layers_near(self, cells: np.ndarray) -> list[Layer]:
-        if self._unbounded:
-            return [moving.layer for moving in self._moving]
         patch = self.scene.cells.patch[cells]
         return [moving.layer for moving in self._moving if moving.is_near[patch].any()]
 

@@ -28,7 +28,7 @@ class Change:
     rows : set of int
         Of objects that rays meet elsewhere than before, or no more.
     reshaped : set of int
-        Rows of objects all of whose patches are new.
+        Rows of objects all of whose patches are new, or in other rooms.
     recoloured : set of int
         Rows of objects that changed nothing but colours.
     """
@@ -79,6 +79,7 @@ class ChangingScene:
         self.states: dict[Hashable, ObjectState] = {}
         self._static: dict[int, ObjectState] = {}  # by row, those that are traced
         self._movers: dict[int, ObjectState] = {}
+        self._hollow: set[tuple[int, int]] = set()  # as of `MovingScene`
         for key, source in objects.items():
             self._enter(key, source, None)
         self.share_rays(held.rays)
@@ -87,6 +88,7 @@ class ChangingScene:
         self._movers = {row: state for row, state in self._movers.items() if state.key in movers}
         self.layers.set_static(list(self._static.values()))
         self.layers.set_movers(list(self._movers.values()), [])
+        self._settle_rooms(Change())
 
     def share_rays(self, rays: np.ndarray | None = None) -> None:
         """Give all patches their numbers of rays (p,), those of the settings by default."""
@@ -125,7 +127,22 @@ class ChangingScene:
             self._promote(promoted)
         resting = [state for row, state in self._movers.items() if row not in change.rows]
         self.layers.set_movers(resting, [state for row, state in self._movers.items() if row in change.rows])
+        self._settle_rooms(change)
         return change
+
+    def _settle_rooms(self, change: Change) -> None:
+        """Add to a change the objects that are in other rooms now, and bodies that became solid or hollow."""
+        for state in self.states.values():
+            rooms, before = self.layers.rooms_of(state) if state.first >= 0 else None, state.rooms
+            if (rooms is None) != (before is None) or not (rooms is None or np.array_equal(rooms, before)):
+                change.reshaped.add(state.row)
+                self.cache.waste(state.forget_hits())
+            state.rooms = rooms
+        if toggled := self.layers.hollow ^ self._hollow:
+            rows = {row for row, _ in toggled}
+            change.boxes += [state.box for state in self.states.values() if state.row in rows]
+            self.forget_hits()
+        self._hollow = self.layers.hollow
 
     def _enter(self, key: Hashable, source: SceneObject, before: ObjectState | None) -> ObjectState:
         """Make the state of an object, in the row of what it replaces."""

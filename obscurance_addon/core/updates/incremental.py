@@ -90,7 +90,6 @@ class IncrementalBake:
             held = Held(normalisation, reach_of(joined.surfaces, joined.patches, settings))
         self._settings, self._held = settings, held
         self._scene = ChangingScene(objects, movers, settings, held, intersector, ceiling_bytes)
-        self._probed_by: dict[int, set[int]] = {}  # row of an object -> rows of those whose probing rays met it
         self.r_ave = self.scattering = np.zeros(3)
         self.last = self._bake_all(monitor or Monitor())
         self._is_usable = True
@@ -176,10 +175,9 @@ class IncrementalBake:
         """Objects that a change may have influence on, their cells, and which of their patches (p,) bool it has."""
         table, limit = self._scene.table, float(self._scene.layers.limit)
         near = objects_within(table, change.boxes, limit) | change.reshaped
-        near.update(*(self._probed_by.get(row, ()) for row in change.rows))
         states = [table.states[row] for row in sorted(near) if table.states[row] is not None]
         cells = join_cells_of(states)
-        chosen = influenced(states, cells, change.boxes, limit, change.rows)
+        chosen = influenced(states, cells, change.boxes, limit)
         for state, own in parts(states):
             chosen[own] |= state.row in change.reshaped
         return states, cells, chosen
@@ -208,9 +206,7 @@ class IncrementalBake:
         with ThreadPoolExecutor(1, "obscurance-trace") as helper:  # its thread begins with its first work
             caster = self._caster(states, cells, chosen, fresh, monitor, helper)
             if len(caster.scene.cells.patch):
-                caster.cast(np.arange(len(caster.scene.cells.patch)))
-                if caster.scene.solid is not None:
-                    caster.recast_patches_inside_solids()
+                caster.cast_all()
         self._take(states, cells, chosen, caster)
         keys = {state.key for state, own in parts(states) if chosen[own].any()}
         of_all, scattering, hidden = self._scene.table.areas.sum(0).reshape(3, 4)
@@ -241,7 +237,7 @@ class IncrementalBake:
         reach = np.full(len(rays), float(layers.limit))
         moving = [MovingLayer(layer, is_within(boxes, reach, layer.boxes)) for layer in layers.moving()]
         return self._caster_type(
-            layers.traced(cells.of_patches(chosen)),
+            layers.traced(cells.of_patches(chosen), states),
             np.concatenate([np.zeros(0, np.uint32), *(state.source.patches.ids for state in states)]),
             self._settings,
             rays,
@@ -249,16 +245,16 @@ class IncrementalBake:
             layers.static,
             moving,
             self._scene.cache,
-            np.concatenate([np.zeros((2, 0), np.int64), *(state.slots for state in states)], axis=1)[:, at],
+            np.concatenate([np.zeros(0, np.int64), *(state.slots for state in states)])[at],
             np.concatenate([np.zeros(0, bool), *(np.full(len(s.count), s.row not in fresh) for s in states)])[at],
             helper,
         )
 
     def _take(self, states: list[ObjectState], cells: Cells, chosen: np.ndarray, caster: LayeredCaster) -> None:
         """Enter what was found for the chosen patches (p,) bool in the states of their objects."""
-        sums, rows = caster.patch_sums(), self._scene.layers.rows_of(caster.probes)
-        slots = np.empty((2, len(cells.patch)), np.int64)
-        slots[:, chosen[cells.patch]] = caster.slots
+        sums = caster.patch_sums()
+        slots = np.empty(len(cells.patch), np.int64)
+        slots[chosen[cells.patch]] = caster.slots
         first_cell = 0
         for state, own in parts(states):
             end = first_cell + len(state.count)
@@ -267,12 +263,9 @@ class IncrementalBake:
                 for name in ("hit", "miss", "valid"):
                     getattr(state.sums, name)[mine] = getattr(sums, name)[own][mine]
                 state.sums.tint[mine] = 0.0 if sums.tint is None else sums.tint[own][mine]
-                state.probes[mine], state.farthest[mine] = rows[own][mine], caster.farthest[own][mine]
                 at = mine[state.cells.patch]
-                state.slots[:, at] = slots[:, first_cell:end][:, at]
+                state.slots[at] = slots[first_cell:end][at]
                 self._scene.table.refresh(state)
-                for row in np.unique(state.probes):
-                    self._probed_by.setdefault(int(row), set()).add(state.row)
             first_cell = end
 
 

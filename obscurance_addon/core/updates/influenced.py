@@ -11,7 +11,7 @@ _ROUNDING = 1e-6  # share of a distance that float32 directions may be off, ten 
 
 
 def objects_within(table: ObjectTable, boxes: list[np.ndarray], limit: float) -> set[int]:
-    """Rows of the objects with a patch that may be within its reach of one of the boxes.
+    """Rows of the objects with a patch that may be within reach of one of the boxes.
 
     Parameters
     ----------
@@ -21,13 +21,11 @@ def objects_within(table: ObjectTable, boxes: list[np.ndarray], limit: float) ->
     limit : float
         d_max, normalised.
     """
-    near = is_within(table.patches, np.maximum(table.farthest, limit), boxes)
+    near = is_within(table.patches, np.full(len(table.states), limit), boxes)
     return set(np.flatnonzero(near).tolist())
 
 
-def influenced(
-    states: list[ObjectState], cells: Cells, boxes: list[np.ndarray], limit: float, rows: set[int]
-) -> np.ndarray:
+def influenced(states: list[ObjectState], cells: Cells, boxes: list[np.ndarray], limit: float) -> np.ndarray:
     """Patches of several objects whose value may depend on what was or is in the boxes.
 
     Parameters
@@ -39,9 +37,6 @@ def influenced(
         Around the changed objects before and after the change, normalised.
     limit : float
         d_max, normalised.
-    rows : set of int
-        Of the changed objects: patches that were found to lie outside of solids by a ray that hit one of these must
-        look again.
 
     Returns
     -------
@@ -49,8 +44,8 @@ def influenced(
     """
     if not states:
         return np.zeros(0, bool)
-    chosen = np.isin(np.concatenate([state.probes for state in states]), list(rows))
-    reach = np.maximum(np.concatenate([state.farthest for state in states]), limit)
+    chosen = np.zeros(len(cells.area), bool)
+    reach = np.full(len(chosen), limit)
     patch_boxes = np.concatenate([state.patch_boxes for state in states], axis=1)
     for box in boxes:
         near = is_within(patch_boxes, reach, [box]) & ~chosen

@@ -47,9 +47,9 @@ class _NotingCaster(LayeredCaster):
         return hits.triangle >= 0
 
     def first_hits(
-        self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray, limit: np.float32
+        self, cells: np.ndarray, origins: np.ndarray, directions: np.ndarray, limits: np.ndarray
     ) -> tuple[Hits, np.ndarray | None]:
-        hits, dropped = super().first_hits(cells, origins, directions, limits, limit)
+        hits, dropped = super().first_hits(cells, origins, directions, limits)
         self._note(cells, hits)
         return hits, dropped
 

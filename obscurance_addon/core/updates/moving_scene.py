@@ -6,25 +6,30 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..scene import Cells, Normalisation, Surfaces, Transmission, join_transmissions
+from ..scene import Cells, Normalisation, Shells, Surfaces, Transmission, join_transmissions
 from ..settings import BakeSettings
 from ..tracing import (
     MISS,
+    Bodies,
+    BodyShapes,
     Intersector,
     Layer,
     LayeredIntersector,
+    Rooms,
+    ShellPoints,
     TracedScene,
     Transparency,
     limit_and_scale,
     make_intersector,
     needs_palette,
     palette_colours,
+    settle_rooms,
 )
 from .object_state import ObjectState
 
 IntersectorMaker = Callable[[np.ndarray, np.ndarray, Callable[[int], None]], Intersector]
 
-_NO_SURFACES = Surfaces(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros((0, 3), np.float32), np.zeros(0, bool))
+_NO_SURFACES = Surfaces(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros((0, 3), np.float32), Shells.none(0))
 
 
 class MovingScene:
@@ -45,6 +50,8 @@ class MovingScene:
         What stands still, movers that did not change now, and those that did; None for no triangle.
     limit, scale : float32
         As of `TracedScene`.
+    hollow : set of tuple of two int
+        Row of the object, and number among its shells, of bodies that are solid for nobody.
     """
 
     def __init__(
@@ -56,9 +63,10 @@ class MovingScene:
         self._static_end = self._end = 0
         self._static: list[ObjectState] = []
         self._resting: list[tuple[ObjectState, int]] = []
-        self._palette, self._solid = np.zeros((1, 4), np.float32), np.zeros(1, bool)
+        self._palette, self._body = np.zeros((1, 4), np.float32), np.zeros(1, np.int32)
         self._owner = np.full(1, MISS, np.int32)
-        self.has_solid = False
+        self._bodies: Bodies | None = None
+        self._rooms: Rooms | None = None
         self._traced: list[ObjectState] = []
 
     def set_static(self, states: list[ObjectState]) -> None:
@@ -78,8 +86,14 @@ class MovingScene:
         if members != self._resting:
             self._resting, self.resting = members, self._layer(resting)
         self.changed = self._layer(changed)
-        self._traced = [*self._static, *resting, *changed]
-        self.has_solid = any(state.is_solid for state in self._traced)
+        self._traced = states = [*self._static, *resting, *changed]
+        shapes = BodyShapes.joined(state.bodies.numbered_from(state.first) for state in states)
+        bodies = Bodies(self._body[: self._end + 1], shapes, self._bodies) if len(shapes.numbers) else None
+        shells = ShellPoints.joined(state.shells.numbered_from(state.first) for state in states)
+        self._bodies, self._rooms = settle_rooms(shells, bodies)
+        self._first_of_row = {state.row: state.first for state in states}
+        hollow = np.setdiff1d(bodies.numbers, self._bodies.numbers if self.has_solid else []) if bodies else np.zeros(0)
+        self.hollow = {tuple(key) for key in self._keys(hollow.astype(np.int32)).tolist()}
 
     @property
     def needs_hits(self) -> bool:
@@ -90,19 +104,45 @@ class MovingScene:
         """Take over the colours of an object that has its numbers already."""
         self._write([state])
 
+    def rooms_of(self, state: ObjectState) -> np.ndarray | None:
+        """Rooms of the patches of an object, as of `ObjectState.rooms`."""
+        rooms = self._rooms_of([state])
+        return None if rooms is None else self._keys(rooms)
+
+    def _rooms_of(self, states: list[ObjectState]) -> np.ndarray | None:
+        """Numbers of the rooms of all patches of objects, as of `TracedScene.rooms`."""
+        if not len(self._rooms.body) or any(state.source.patches.shell is None for state in states):
+            return None
+        shells = [state.source.patches.shell for state in states]
+        first = [state.first for state in states]
+        shells = [np.where(own > 0, own + np.int32(at), 0) for own, at in zip(shells, first, strict=True)]
+        return self._rooms.of(np.concatenate([np.zeros(0, np.int32), *shells]))
+
+    def _keys(self, numbers: np.ndarray) -> np.ndarray:
+        """Row of the object, and number among its shells, of shells of any shape (..., ) int32: (..., 2) int64."""
+        rows = self._owner[numbers]
+        firsts = np.array([self._first_of_row.get(row, 0) for row in range(int(rows.max(initial=0)) + 1)])
+        return np.stack([rows, np.where(numbers > 0, numbers - firsts[rows], 0)], -1).astype(np.int64)
+
+    @property
+    def has_solid(self) -> bool:
+        """Whether anything is solid."""
+        return self._bodies is not None
+
     def moving(self) -> list[Layer]:
         """The layers of movers."""
         return [layer for layer in (self.resting, self.changed) if layer is not None]
 
-    def traced(self, cells: Cells) -> TracedScene:
-        """The scene as rays from the cells meet it."""
+    def traced(self, cells: Cells, states: list[ObjectState]) -> TracedScene:
+        """The scene as rays from the cells meet it, whose patches are those of some objects."""
         layers = [layer for layer in (self.static, self.resting, self.changed) if layer is not None]
         return TracedScene(
             cells,
             _NO_SURFACES,
             LayeredIntersector(layers),
             self._palette[: self._end + 1] if needs_palette(self._settings) else None,
-            self._solid[: self._end + 1] if self.has_solid else None,
+            self._bodies,
+            self._rooms_of(states),
             self.limit,
             self.scale,
             self._settings.falloff,
@@ -125,17 +165,18 @@ class MovingScene:
         return self._owner[triangles + 1].astype(np.int64)
 
     def _write(self, states: list[ObjectState]) -> None:
-        """Enter the colours of all triangles, and whether they are solid."""
+        """Enter the colours of all triangles, and their bodies."""
         size = 1 + max((state.numbers()[1] for state in states), default=0)
-        if size > len(self._solid):
-            more = max(size, 2 * len(self._solid)) - len(self._solid)
+        if size > len(self._body):
+            more = max(size, 2 * len(self._body)) - len(self._body)
             self._palette = np.concatenate([self._palette, np.ones((more, 4), np.float32)])
-            self._solid = np.concatenate([self._solid, np.zeros(more, bool)])
+            self._body = np.concatenate([self._body, np.zeros(more, np.int32)])
             self._owner = np.concatenate([self._owner, np.full(more, MISS, np.int32)])
         for state in states:
             surfaces = state.source.surfaces
             own = slice(state.first + 1, state.first + 1 + len(surfaces.triangles))
-            self._palette[own, :3], self._solid[own] = palette_colours(surfaces), surfaces.solid
+            self._palette[own, :3] = palette_colours(surfaces)
+            self._body[own] = surfaces.shells.numbered_from(state.first).body
             self._owner[own] = state.row
 
     def _layer(self, states: list[ObjectState]) -> Layer | None:

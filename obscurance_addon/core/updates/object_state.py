@@ -19,7 +19,7 @@ from ..scene import (
     surface_sums,
     usable_triangles,
 )
-from ..tracing import MISS
+from ..tracing import BodyShapes, ShellPoints
 from .hit_cache import NO_SLOT
 
 # Boxes grow by this share of their largest coordinate, far more than float32 rounds off positions, and boxes of patches
@@ -56,13 +56,15 @@ class ObjectState:
         Rays of each patch; `share_rays` sets it, and
     count : ndarray, (c,) int
         those of each cell.
-    slots : ndarray, (2, c) int64
+    slots : ndarray, (c,) int64
         Places of each cell in the cache, as of `LayeredCaster`.
+    bodies : BodyShapes
+        Numbered from its own first triangle, as are
+    shells : ShellPoints
+        those of what can be traced.
+    rooms : ndarray, (p, depth, 2) int64, or None
+        Row of the object, and number among its shells, of the rooms that each patch is in; None for none.
     sums : ObscuranceSums
-    probes : ndarray, (p,) int64
-        Row of the object that the probing ray of each patch met, MISS for none.
-    farthest : ndarray, (p,) float64
-        Distance of the farthest hit of patches whose rays have no limit, else 0.
     first : int
         Number in the whole scene of its first triangle.
     values : ndarray, (p, 7) float64, or None
@@ -78,16 +80,20 @@ class ObjectState:
             usable &= surfaces.occludes
         self.usable, self.slender = np.flatnonzero(usable), slender[usable]
         self.box = _grown(_box_around(vertices[surfaces.triangles[self.usable]]))
-        self.is_solid = bool(surfaces.solid[self.usable].any())
+        self.bodies = BodyShapes.of(
+            surfaces.vertices, surfaces.triangles[self.usable], surfaces.shells.body[self.usable], normalisation.apply
+        )
+        self.shells = ShellPoints.of(
+            surfaces.vertices, surfaces.triangles[self.usable], surfaces.shells.only(self.usable), normalisation.apply
+        )
+        self.rooms: np.ndarray | None = None
         transmission = surfaces.transmission
         self.is_transparent = transmission is not None and bool(transmission.mean[self.usable].any())
         self.cells = prepare_cells(patches, normalisation, threads=0)
         self.patch_boxes = _patch_boxes(self.cells, len(patches))
-        self.slots = np.full((2, len(self.cells.patch)), NO_SLOT, np.int64)
+        self.slots = np.full(len(self.cells.patch), NO_SLOT, np.int64)
         n = len(patches)
         self.sums = ObscuranceSums(np.zeros((n, 4)), np.zeros(n), np.zeros(n), 0, tint=np.zeros((n, 3)))
-        self.probes = np.full(len(patches), MISS, np.int64)
-        self.farthest = np.zeros(len(patches))
         self.first = -1  # none yet
         self.values: np.ndarray | None = None
         self._patch_area = self.cells.area * normalisation.scale**2
@@ -148,8 +154,6 @@ class ObjectTable:
         Boxes around all patches of each, normalised.
     present : ndarray, (o,) bool
         Whether the object is in reach of any patch of the scene, and so traced.
-    farthest : ndarray, (o,) float64
-        Largest `ObjectState.farthest` of each.
     areas : ndarray, (o, 12) float64
         `ObjectState.reflecting_sums`.
     """
@@ -157,7 +161,7 @@ class ObjectTable:
     def __init__(self) -> None:
         self.states: list[ObjectState | None] = []
         self.traced = self.corners = self.patches = np.repeat(NOTHING[:, None], 0, axis=1)
-        self.present, self.farthest, self.areas = np.zeros(0, bool), np.zeros(0), np.zeros((0, 12))
+        self.present, self.areas = np.zeros(0, bool), np.zeros((0, 12))
         self._free: list[int] = []
 
     def add(self) -> int:
@@ -170,9 +174,8 @@ class ObjectTable:
                 np.concatenate([boxes, np.repeat(NOTHING[:, None], more, axis=1)], axis=1)
                 for boxes in (self.traced, self.corners, self.patches)
             )
-            self.present, self.farthest, self.areas = (
-                np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)])
-                for a in (self.present, self.farthest, self.areas)
+            self.present, self.areas = (
+                np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)]) for a in (self.present, self.areas)
             )
         return self._free.pop()
 
@@ -187,7 +190,6 @@ class ObjectTable:
 
     def refresh(self, state: ObjectState) -> None:
         """Enter what a bake of some of its patches, or other colours, changed."""
-        self.farthest[state.row] = state.farthest.max(initial=0.0)
         self.areas[state.row] = state.reflecting_sums()
 
     def remove(self, row: int) -> None:
@@ -195,7 +197,7 @@ class ObjectTable:
         self.states[row] = None
         for boxes in (self.traced, self.corners, self.patches):
             boxes[:, row] = NOTHING
-        self.farthest[row], self.areas[row] = 0.0, 0.0
+        self.areas[row] = 0.0
         self._free.append(row)
 
     def corner_box(self) -> tuple[np.ndarray, np.ndarray]:

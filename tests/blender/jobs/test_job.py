@@ -330,12 +330,55 @@ def test_materials_that_use_the_result_do_not_darken_the_next_bake(layer):
 
 
 def test_objects_hidden_inside_of_a_solid_are_named():
-    """A cube wholly inside of a larger one that faces outwards: a room modelled with its normals the wrong way."""
-    room, inside = cube("Room", half=2.0), cube("Inside", half=0.5)
-    warnings = bake(room, inside).warnings
+    """A cube most of which is in a larger one, though every face of it has a part outside."""
+    block, inside = cube("Block", half=2.0), cube("Inside", half=0.5)
+    inside.location.x = 1.6
+    warnings = bake(block, inside).warnings
     (warning,) = [text for text in warnings if "closed solid" in text]
     assert ": 'Inside';" in warning
     assert "flip" in warning
+
+
+def test_rooms_and_what_looks_the_wrong_way_are_named():
+    """One note for each kind: a box around others, a prop inside out, faces that are flipped, a ground upside down."""
+    room, inside = cube("Room", half=2.0), cube("Inside", half=0.5)
+    (text,) = bake(room, inside).warnings
+    assert "rooms" in text
+    assert ": 'Room';" in text
+    assert "flip" in text
+    room.data.flip_normals()
+    assert not bake(room, inside).warnings
+    bpy.data.objects.remove(room)
+    inside.data.flip_normals()
+    ground = floor("Ground")
+    ground.location.z = -0.6
+    (text,) = bake(ground, inside).warnings
+    assert "looking inwards" in text
+    assert ": 'Inside';" in text
+    assert "Recalculate Outside" in text
+    inside.data.flip_normals()
+    inside.data.polygons[0].flip()
+    inside.data.update()
+    (text,) = bake(ground, inside).warnings
+    assert "as if turned" in text
+    assert ": 'Inside';" in text
+    assert "Recalculate Outside" in text
+    ground.data.flip_normals()
+    assert any("looking away" in text and ": 'Ground';" in text for text in bake(ground, inside).warnings)
+
+
+@pytest.mark.parametrize("target", ["FACE", "CORNER", "POINT"])
+def test_a_flipped_face_has_the_value_of_the_side_that_is_seen(target):
+    """The top of a box on a floor, whichever way it looks."""
+    ground, box = floor("Ground"), cube("Box", half=0.3)
+    box.location.z = 0.3
+    bake(ground, box, target=target)
+    before = colors(box).copy(), colors(ground).copy()
+    box.data.polygons[int(np.argmax([p.normal.z for p in box.data.polygons]))].flip()
+    box.data.update()
+    bake(ground, box, target=target)
+    np.testing.assert_allclose(np.sort(colors(box).mean(1)), np.sort(before[0].mean(1)), atol=0.06)
+    np.testing.assert_allclose(colors(ground), before[1], atol=0.03)
 
 
 def test_emission_reaches_the_patches():

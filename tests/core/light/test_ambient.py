@@ -19,6 +19,7 @@ from obscurance_addon.core.light.reflectors import REFLECTOR_SIZE, choose_reflec
 from obscurance_addon.core.light.settings import LightSettings
 from obscurance_addon.core.obscurance.error_metrics import relative_rmse
 from obscurance_addon.core.scene.patches import Patches, Surfaces
+from obscurance_addon.core.scene.solids import Shells
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.build import build_scene
 from tests.core.scenes import box, floor, grid, room, scene
@@ -35,7 +36,7 @@ def furnace(n=4):
 
 def lit(s, settings, **changes):
     """The parts of a light bake below `bake_light`: scene and form factors."""
-    traced, _, _ = build_scene(s.surfaces, s.patches, settings, whole=True)
+    traced = build_scene(s.surfaces, s.patches, settings, whole=True).traced
     return LitScene(traced, s.patches.ids, (), None, np.zeros(3), **changes)
 
 
@@ -354,8 +355,8 @@ def test_a_bent_patch_receives_whichever_cell_comes_first():
         vertices = corners.reshape(-1, 3)
         triangles = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
         n = len(triangles)
-        surfaces = Surfaces(vertices, triangles, np.full((n, 3), 0.5, np.float32), np.zeros(n, bool))
-        traced, _, _ = build_scene(surfaces, patches, OPEN, whole=True)
+        surfaces = Surfaces(vertices, triangles, np.full((n, 3), 0.5, np.float32), Shells.none(n))
+        traced = build_scene(surfaces, patches, OPEN, whole=True).traced
         lit_scene = LitScene(traced, patches.ids, (), None, np.zeros(3))
         exitance = np.ones((7, 3))
         exitance[0] = 0.0

@@ -34,7 +34,7 @@ def contact():
 
 def tracer_of(s, settings):
     """What traces the values of a white layer, and all texels."""
-    traced, _, _ = build_scene(s.scene.surfaces, s.scene.patches, settings)
+    traced = build_scene(s.scene.surfaces, s.scene.patches, settings).traced
     texels = covered_texels(s.triangles(), s.size, 0, (0, s.size))
     white = scattering_mean(surface_sums(s.scene.surfaces)[4:]) @ LUMINANCE
     return TexelTracer(traced, settings, np.zeros(3, bool), lambda _: None, BLOCK_RAYS, white), texels
@@ -109,7 +109,7 @@ def test_texels_inside_of_solids_are_never_interpolated(falloff):
     tracer, texels = tracer_of(s, settings)
     valid = tracer.trace(texels, np.arange(len(texels))).valid
     band = interpolated(s, settings)
-    assert s.scene.surfaces.solid.sum() == 24
+    assert s.scene.surfaces.shells.solid.sum() == 24
     assert np.count_nonzero(valid == 0.0) > 18 * 20  # under the crate
     assert np.count_nonzero((valid > 0.0) & (valid < 1.0)) > 100
     assert (valid[band.between] == 1.0).all()

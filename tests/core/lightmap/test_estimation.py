@@ -175,8 +175,9 @@ def test_texels_inside_of_a_solid_are_counted_and_filled():
 
 
 def test_a_chart_inside_of_a_solid_is_open():
-    """Nothing is known of it, so that it is as if nothing were there."""
-    s = mapped_scene([flat(floor((0, 0), (1, 1)), (8, 8), 16.0)], [box((-1, -1, -1), (2, 2, 2))])
+    """Nothing is known of it, so that it is as if nothing were there. Either solid holds but a part of it."""
+    halves = [box((-1, -1, -1), (0.75, 2, 2)), box((0.5, -1, -1), (2, 2, 2))]
+    s = mapped_scene([flat(floor((0, 0), (1, 1)), (8, 8), 16.0)], halves)
     for white in (True, False):
         baked = s.bake(white=white)
         assert baked.counts.invalid == baked.counts.texels == 256

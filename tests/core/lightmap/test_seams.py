@@ -92,7 +92,7 @@ CUBE = unwrapped(lambda points: 0.5 * points, LIFT, floor((-3, -3), (3, 3)))
 
 def both_sides(shape, settings, margin=16):
     """Lookups on the borders from one chart and from the other, (seeds, 12 N) each."""
-    assert shape.scene.scene.surfaces.solid.any()
+    assert shape.scene.scene.surfaces.shells.solid.any()
     one, other, _, _ = shape.borders()
     pages = [shape.scene.bake(replace(settings, seed=seed), margin=margin).pages[0] for seed in range(SEEDS)]
     return tuple(np.stack([lookup(page, place)[:, 0] for page in pages]) for place in (one, other))

@@ -5,6 +5,7 @@ import pytest
 
 from obscurance_addon.core.falloff import Falloff
 from obscurance_addon.core.scene.reflectance import mean_reflectance
+from obscurance_addon.core.scene.solids import Shells
 from obscurance_addon.core.settings import BakeSettings
 from tests.core.scenes import box, floor, grid, room, scene
 
@@ -68,18 +69,19 @@ def test_r_ave_is_weighed_by_area():
 
 
 def test_r_ave_leaves_out_what_lies_inside_of_solids():
-    """A small white box wholly inside of a big black one adds nothing; without patch colours it would."""
-    outer, inner = box((0, 0, 0), (2, 2, 2), 2, (0.1,) * 3), box((0.8, 0.8, 0.8), (1.2, 1.2, 1.2), 1, (0.9,) * 3)
-    s = scene([outer, inner])
-    np.testing.assert_allclose(s.bake(patch_reflectance=s.patch_reflectance).r_ave, np.float32(0.1), rtol=1e-9)
-    everything = (24 * 0.1 + 0.96 * 0.9) / 24.96
-    np.testing.assert_allclose(s.bake().r_ave, everything, rtol=1e-6)
+    """The lower quarter of a white post in a big black box adds nothing; without patch colours it would."""
+    outer, post = box((0, 0, 0), (2, 2, 2), 2, (0.1,) * 3), box((0.8, 0.8, 1.5), (1.2, 1.2, 3.5), 4, (0.9,) * 3)
+    s = scene([outer, post])
+    hidden = s.bake(patch_reflectance=s.patch_reflectance).r_ave
+    # The top of the black box lacks nothing of its own: the post's cross-section stands for what it covers.
+    np.testing.assert_allclose(hidden, ((24 - 0.16) * 0.1 + (0.16 + 4 * 0.4 * 1.5) * 0.9) / (24 + 2.4), rtol=5e-3)
+    np.testing.assert_allclose(s.bake().r_ave, (24 * 0.1 + (0.32 + 3.2) * 0.9) / 27.52, rtol=1e-6)
 
 
 def test_r_ave_of_nothing_is_defined():
     s = scene([floor((0, 0), (1, 1))])
     no_area = type(s.surfaces)(
-        np.zeros((3, 3)), s.surfaces.triangles[:1] * 0, np.ones((1, 3), np.float32), np.zeros(1, bool)
+        np.zeros((3, 3)), s.surfaces.triangles[:1] * 0, np.ones((1, 3), np.float32), Shells.none(1)
     )
     np.testing.assert_array_equal(mean_reflectance(no_area, np.zeros(1), np.ones(1), None), 0.0)
 

@@ -7,6 +7,7 @@ import pytest
 
 from obscurance_addon.core.errors import GeometryError, SettingsError
 from obscurance_addon.core.falloff import Falloff
+from obscurance_addon.core.scene.solids import Shells
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.embree import EmbreeIntersector
 from tests.core import closed_forms as exact
@@ -141,7 +142,7 @@ def test_patches_without_any_surface_around(falloff):
     """Surfaces may be empty: all rays miss."""
     s = scene([GROUND])
     nothing = type(s.surfaces)(
-        np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros((0, 3), np.float32), np.zeros(0, bool), np.zeros(0, int)
+        np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros((0, 3), np.float32), Shells.none(0), np.zeros(0, int)
     )
     for brute in (True, False):
         baked = replace(s, surfaces=nothing).bake(BakeSettings(distance=1.0, falloff=falloff), brute=brute)
@@ -247,7 +248,7 @@ def test_a_mirrored_object():
     meshes = [GROUND, box((0.21, 0.21, 0.0), (0.59, 0.59, 0.4), 2, (0.9, 0.1, 0.1)), WALL]
     original = scene(meshes)
     mirrored = scene([m.moved(mirror).flipped() for m in meshes])
-    np.testing.assert_array_equal(original.surfaces.solid, mirrored.surfaces.solid)
+    np.testing.assert_array_equal(original.surfaces.shells.solid, mirrored.surfaces.shells.solid)
     a, b = bakes(original, SETTINGS), bakes(mirrored, SETTINGS)
     one, two = estimate(a, original.area), estimate(b, original.area)
     assert (np.abs(one.mean - two.mean) < SIGMAS * np.hypot(one.error, two.error) + ROUNDING).all()

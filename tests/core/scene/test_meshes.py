@@ -55,7 +55,7 @@ def test_reflectance_of_everything_or_of_each_face(reflectance):
     made = mesh_object(BOX.vertices, BOX.triangles, reflectance)
     np.testing.assert_array_equal(made.reflectance, np.full((48, 3), 0.5))
     np.testing.assert_array_equal(made.surfaces.reflectance, np.full((48, 3), np.float32(0.5)))
-    assert made.surfaces.solid.all()
+    assert made.surfaces.shells.solid.all()
 
 
 def test_names_tell_rays_apart():

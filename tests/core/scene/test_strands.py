@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from obscurance_addon.core.scene.patches import triangle_areas
-from obscurance_addon.core.scene.solids import solid_triangles
+from obscurance_addon.core.scene.solids import find_shells
 from obscurance_addon.core.scene.strands import balls, thinned, tubes
 
 
@@ -19,7 +19,7 @@ def test_a_ball_has_the_surface_of_a_sphere_and_encloses_its_point():
     centres, radius = np.array([[1.0, 2.0, 3.0], [-4.0, 0.0, 0.5]]), np.array([0.5, 2.0])
     vertices, triangles = balls(centres, radius)
     assert len(triangles) == 40
-    assert solid_triangles(vertices, triangles).all()
+    assert find_shells(vertices, triangles)[0].solid.all()
     for i in range(2):
         own = triangles[20 * i : 20 * i + 20]
         assert triangle_areas(vertices[own]).sum() == pytest.approx(4.0 * np.pi * radius[i] ** 2, rel=1e-12)

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from obscurance_addon.core.scene.patches import Normalisation
-from obscurance_addon.core.scene.transmission import Transmission, join_transmissions, windowless_shells
+from obscurance_addon.core.scene.transmission import Transmission, join_transmissions
 from obscurance_addon.core.tracing.embree import EmbreeIntersector
-from obscurance_addon.core.tracing.intersector import BruteForceIntersector
 from obscurance_addon.core.tracing.traced_scene import FAR
-from obscurance_addon.core.tracing.transparency import Passage, Transparency, first_opaque
-from tests.core.scenes import box, floor, join
+from obscurance_addon.core.tracing.transparency import Passage, Transparency
+from tests.core.scenes import floor, join
 
 UNIT = Normalisation(np.zeros(3), 1.0)
 
@@ -70,23 +69,6 @@ def test_no_layer_is_skipped():
         np.testing.assert_array_equal(triangles[whole, :5] // 2, np.tile(np.arange(5), (whole.sum(), 1)))
 
 
-def test_first_opaque_hits():
-    """Behind any number of transparent cards; a miss where there is nothing else."""
-    cards, wall = [floor((-9, -9), (9, 9), z=-0.1 * i) for i in range(40)], floor((-9, -9), (0, 9), z=-5.0)
-    everything = join([*cards, wall])
-    mean = np.zeros((len(everything.triangles), 3))
-    mean[: 2 * len(cards)] = 0.5
-    transparency = Transparency.of(Transmission.uniform(mean), UNIT)
-    tracer = BruteForceIntersector(everything.vertices, everything.triangles)
-    origins = np.float32([(-1.0, 0.3, 1.0), (1.0, 0.3, 1.0)])
-    directions = np.float32([(0.0, 0.0, -1.0)] * 2)
-    hits = tracer.intersect(origins, directions, np.full(2, FAR, np.float32))
-    first_opaque(tracer, transparency, origins, directions, FAR, hits)
-    assert hits.distance[0] == pytest.approx(6.0, rel=1e-5)
-    assert hits.triangle[0] // 2 == len(cards)
-    assert hits.triangle[1] < 0
-
-
 def test_lookups_get_the_places_that_rays_meet():
     """In any order of corners, and of several meshes, by the numbers that they have in these."""
     rng = np.random.default_rng(0)
@@ -129,14 +111,3 @@ def test_lookups_get_the_places_that_rays_meet():
         False,
         False,
     ]
-
-
-def test_shells_with_windows():
-    """A transparent face opens its own shell, also where vertices are split, and no other."""
-    one, other = box((0, 0, 0), (1, 1, 1)), box((2, 0, 0), (3, 1, 1))
-    both = join([one, other])
-    split = both.vertices[both.triangles].reshape(-1, 3), np.arange(3 * len(both.triangles)).reshape(-1, 3)
-    transparent = np.zeros(24, bool)
-    transparent[5] = True
-    for vertices, triangles in ((both.vertices, both.triangles), split):
-        assert windowless_shells(vertices, triangles, transparent).tolist() == [False] * 12 + [True] * 12

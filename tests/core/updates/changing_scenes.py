@@ -12,22 +12,24 @@ from obscurance_addon.core.scene.patches import Patches, Surfaces
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.build import Held
 from obscurance_addon.core.updates.incremental import IncrementalBake
-from tests.core.scenes import Mesh, box, floor, grid, icosphere, mesh, room, rotation, solid_of
+from tests.core.scenes import Mesh, box, floor, grid, icosphere, mesh, room, rotation, shells_of
 
 RED, BLUE, GREEN = (0.8, 0.1, 0.1), (0.1, 0.2, 0.9), (0.1, 0.8, 0.2)
 
 
 def scene_object(m: Mesh, first_id: int = 0, *, baked: bool = True) -> SceneObject:
     """A mesh as one object; faces that share a vertex are neighbours."""
+    shells, reflectance = shells_of(m), m.reflectance[m.face]
     patch = m.face.astype(np.int32) if baked else None
-    reflectance = m.reflectance[m.face]
-    surfaces = Surfaces(m.vertices, m.triangles, reflectance, solid_of(m), patch=patch, transmission=m.passing())
+    surfaces = Surfaces(m.vertices, m.triangles, reflectance, shells, patch=patch, transmission=m.passing())
     if not baked:
         return SceneObject(surfaces, Patches.none(), np.zeros((0, 3)))
     ids = np.arange(first_id, first_id + m.faces, dtype=np.uint32)
+    shell = np.zeros(m.faces, np.int32)
+    shell[m.face] = shells.shell
     pairs = np.unique(np.stack([np.repeat(m.face, 3), m.triangles.ravel()]), axis=1)
     opacity = None if m.transmission is None else m.opacity()
-    patches = Patches(m.corners(), m.face, ids)
+    patches = Patches(m.corners(), m.face, ids, shell)
     return SceneObject(surfaces, patches, m.reflectance.astype(float), tuple(pairs), opacity)
 
 

@@ -10,6 +10,7 @@ import pytest
 from obscurance_addon.core.errors import BakeCancelledError, GeometryError, ObscuranceError
 from obscurance_addon.core.monitor import Monitor
 from obscurance_addon.core.scene.objects import SceneObject
+from obscurance_addon.core.scene.solids import Shells
 from obscurance_addon.core.settings import BakeSettings
 from obscurance_addon.core.tracing.embree import EmbreeIntersector
 from obscurance_addon.core.updates.hit_cache import SUMS
@@ -37,7 +38,7 @@ def test_a_mover_far_from_everything_costs_its_own_rays():
     assert update.keys == {"cube"}
     assert (update.patches, update.cached) == (CUBE.faces, 0)
     assert update.rays == CUBE.faces * (SETTINGS.rays + 1)  # one asks whether the patch is within a solid
-    assert bake.cache_bytes > 0  # of the floor, when the cube left
+    assert bake.cache_bytes == 0  # the floor has never been in reach of it
 
 
 def test_nothing_changed_costs_nothing():
@@ -163,7 +164,7 @@ def test_broken_geometry():
         replace(
             empty.surfaces,
             triangles=np.zeros((0, 3), np.int32),
-            solid=np.zeros(0, bool),
+            shells=Shells.none(0),
             reflectance=np.zeros((0, 3), np.float32),
         ),
         empty.patches,

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from obscurance_addon.core.falloff import Falloff
+from obscurance_addon.core.scene.objects import join_objects
 from obscurance_addon.core.settings import BakeSettings
+from obscurance_addon.core.tracing.build import build_scene
 from obscurance_addon.core.updates.incremental import IncrementalBake
-from tests.core.scenes import box, floor, grid
+from tests.core.scenes import box, floor, grid, icosphere, mesh
 from tests.core.updates.changing_scenes import assert_equals_full_bake, furniture, objects_of, scene_object, turned
 
 SETTINGS = BakeSettings(16, distance=0.2, threads=2)
@@ -205,20 +207,49 @@ def test_the_inside_of_large_solids(expected):
         assert_equals_full_bake(bake, SETTINGS)
 
 
-def test_what_hides_the_inside_of_a_solid_from_afar():
-    """A sheet out of reach keeps the probing rays of a floor in a solid from its walls: without it all are invalid."""
+def test_nothing_hides_the_inside_of_a_solid():
+    """A sheet between a post's foot, deep in a solid, and the walls of it changes nothing."""
     meshes = {
-        "floor": floor((-0.1, -0.1), (0.1, 0.1), 4, 4),
-        "post": grid((30, 0, 0.95), (0.1, 0, 0), (0, 0, 0.1)),
+        "post": box((-1, -1, 0), (1, 1, 400), 9),
         "hull": box((-100, -100, -100), (100, 100, 100)),
         "lid": grid((-90, -90, 1), (180, 0, 0), (0, 180, 0)),
     }
+    inside = meshes["post"].centres()[:, 2] < 88.0
     bake = IncrementalBake(objects_of(meshes, ["hull", "lid"]), SETTINGS, movers={"lid"})
-    assert bake.values("floor").valid.mean() > 0.8
     for z in (0.05, 20.0, 0.0):
         bake.update({"lid": scene_object(meshes["lid"].moved(offset=(0, 0, z)), baked=False)})
         assert_equals_full_bake(bake, SETTINGS)
-        assert bake.values("floor").valid.any() == (z < 1.0)
+        assert not bake.values("post").valid[inside].any()
+
+
+@pytest.mark.parametrize("falloff", [Falloff.SQRT, Falloff.STEP])
+@pytest.mark.parametrize("expected", [True, False])
+def test_rooms_that_fill_and_empty(expected, falloff):
+    """Things move into a box, a crate without its lid and out again, through their walls; the boxes move as well."""
+    settings = replace(SETTINGS, falloff=falloff, distance=0.3)
+    crate = box((1.5, 0, 0), (2.5, 1, 1), 2, (0.1, 0.6, 0.3))
+    meshes = {
+        "ground": floor((-0.5, -0.5), (3, 1.5), 6, 4, z=0.02),
+        "hall": box((0, 0, 0), (1, 1, 1), 2, (0.7, 0.3, 0.2)),
+        "crate": mesh(crate.vertices, crate.triangles[:-8], crate.face[:-8], (0.1, 0.6, 0.3)),
+        "ball": icosphere(1).moved(0.1, (0.3, 0.4, 0.2)),
+        "sheet": grid((0.6, 0.6, 0.3), (0.2, 0, 0.05), (0, 0.2, 0)),
+    }
+    bake = IncrementalBake(objects_of(meshes), settings, movers={"ball", "crate"} if expected else set())
+    assert_equals_full_bake(bake, settings)
+    steps = [
+        ("ball", (0.75, 0, 0)), ("ball", (1.6, 0.1, 0.2)), ("crate", (0.1, 0.1, 0.1)), ("ball", (3.0, 0, 0)),
+        ("sheet", (1.2, 0, 0)), ("hall", (0.0, 0.0, 3.0)), ("ball", (0.1, 0.1, 0.1)), ("hall", (0.0, 0.0, 0.0)),
+        ("ball", (0.0, 0.0, 3.0)), ("crate", (-1.37, 0.13, 0.06)), ("sheet", (0.0, 0.0, 0.0)),
+    ]  # fmt: skip
+    were_rooms = set()
+    for key, offset in steps:
+        meshes[key + " moved"] = meshes[key].moved(offset=offset)
+        bake.update({key: scene_object(meshes[key + " moved"], 1000 * list(objects_of(meshes)).index(key))})
+        assert_equals_full_bake(bake, settings)
+        joined = join_objects(bake.objects.values())
+        were_rooms.add(tuple(build_scene(joined.surfaces, joined.patches, settings, held=bake.held).rooms.body))
+    assert len(were_rooms) > 3
 
 
 @pytest.mark.parametrize("falloff", [Falloff.SQRT, Falloff.STEP])

@@ -27,7 +27,7 @@ import obscurance_addon
 from obscurance_addon.command_line import batch
 from obscurance_addon.blender.jobs.job import BakeJob
 
-def die(*_):
+def die(*_, **__):
     os.kill(os.getpid(), signal.SIGKILL)
 
 def dies_before(owner, name):

@@ -106,7 +106,7 @@ def test_no_shell_with_a_window_is_a_solid():
     bodies[0].data.materials.append(glass.material)
     bodies[1].data.materials.append(glass.material)
     bodies[1].data.polygons[1].material_index = 1
-    solid = arrays(ground, *bodies).surfaces.solid
+    solid = arrays(ground, *bodies).surfaces.shells.solid
     assert solid.tolist() == [False] * (2 + 12 + 12) + [True] * 12
 
 

@@ -113,9 +113,10 @@ class Bodies:
         """Of the bodies, (k,) int32."""
         return self._shapes.numbers
 
-    def box(self, row: int) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest corner (3,) of a body."""
-        return self._shapes.boxes[0, row], self._shapes.boxes[1, row]
+    @property
+    def boxes(self) -> np.ndarray:
+        """Lowest and highest corners of the bodies, (2, k, 3) float64."""
+        return self._shapes.boxes
 
     def without(self, numbers: np.ndarray) -> Bodies | None:
         """The scene where some of the bodies are none, None where no other is left."""

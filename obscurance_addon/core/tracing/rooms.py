@@ -7,6 +7,7 @@ small holes, and is a room, is solid for nobody.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
 
@@ -18,6 +19,7 @@ from .bodies import Bodies
 HALF, WHOLE = 0.5, 0.999  # shares of area
 _POINTS = 16  # of each shell at most
 _SMALL, _LARGE = 4.0 * OFFSET, 0.01  # steps off the surface, of its largest coordinate and of the shell's diagonal
+_PAIRS = 1 << 20  # of a box and a shell that are looked at together, about
 _POKES = 0.002  # share of the diagonal of a body by which a box may stand out of its own
 
 
@@ -161,30 +163,50 @@ def settle_rooms(shells: ShellPoints, bodies: Bodies | None) -> tuple[Bodies | N
 
 def find_rooms(shells: ShellPoints, bodies: Bodies | None) -> Rooms:
     """Find the rooms among bodies."""
+    by_place = _ByPlace(shells)
     tenants, rooms = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
-    for row, number in enumerate(bodies.numbers if bodies is not None else ()):
-        low, high = bodies.box(row)
-        others = np.flatnonzero((shells.low <= high).all(1) & (shells.high >= low).all(1) & (shells.body != number))
-        fits = _fits(shells, others, low, high)
-        if not fits.any():
-            continue
-        share = np.zeros(len(others))
-        share[fits] = _shares(shells, others[fits], bodies, row)
-        if (share < WHOLE).all():
-            continue
-        share[~fits] = _shares(shells, others[~fits], bodies, row)
-        inside = others[share >= HALF]
-        tenants.append(shells.number[inside])
-        rooms.append(np.full(len(inside), number, np.int32))
+    if bodies is not None:
+        row, fit = by_place.fitting(*bodies.boxes)
+        other = shells.body[fit] != bodies.numbers[row]
+        row, fit = row[other], fit[other]
+        for candidate in np.unique(row):
+            number, (low, high) = bodies.numbers[candidate], bodies.boxes[:, candidate]
+            if (_shares(shells, np.sort(fit[row == candidate]), bodies, candidate) < WHOLE).all():
+                continue
+            others = np.flatnonzero((shells.low <= high).all(1) & (shells.high >= low).all(1) & (shells.body != number))
+            inside = others[_shares(shells, others, bodies, candidate) >= HALF]
+            tenants.append(shells.number[inside])
+            rooms.append(np.full(len(inside), number, np.int32))
     tenant, room = np.concatenate(tenants), np.concatenate(rooms)
     order = np.argsort(tenant, kind="stable")
-    return Rooms(tenant[order], room[order], _turned(shells))
+    return Rooms(tenant[order], room[order], _turned(shells, by_place))
 
 
-def _fits(shells: ShellPoints, which: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(m,) bool: which of the shells (m,) int lie in a box, but for a little."""
-    pokes = _POKES * np.linalg.norm(high - low)
-    return ((shells.low[which] >= low - pokes) & (shells.high[which] <= high + pokes)).all(1)
+class _ByPlace:
+    """Shells in the order in which they begin along the axis where they are spread most, so that few are looked at."""
+
+    def __init__(self, shells: ShellPoints) -> None:
+        self._shells = shells
+        self._axis = int(np.argmax(np.ptp(shells.low, axis=0))) if len(shells.low) else 0
+        self._order = np.argsort(shells.low[:, self._axis], kind="stable")
+        self._begin = shells.low[self._order, self._axis]
+
+    def fitting(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of a box, of those from `low` to `high` (k, 3) each, and a shell in it, but for a little; (m,) int."""
+        pokes = _POKES * np.linalg.norm(high - low, axis=1)
+        first = np.searchsorted(self._begin, low[:, self._axis] - pokes)
+        count = np.searchsorted(self._begin, high[:, self._axis] + pokes) - first
+        low, high, shells = low - pokes[:, None], high + pokes[:, None], self._shells
+        pairs = [np.zeros((2, 0), np.int64)]
+        ends = np.cumsum(count)
+        parts = np.flatnonzero(np.diff(ends // _PAIRS, prepend=-1))  # where boxes begin that are looked at together
+        for begin, end in itertools.pairwise([*parts, len(low)]):
+            box = np.repeat(np.arange(begin, end), count[begin:end])
+            place = np.arange(len(box)) - np.repeat((ends - count)[begin:end] - (ends - count)[begin], count[begin:end])
+            row = self._order[first[box] + place]
+            fits = ((shells.low[row] >= low[box]) & (shells.high[row] <= high[box])).all(1)
+            pairs.append(np.stack([box[fits], row[fits]]))
+        return tuple(np.concatenate(pairs, axis=1))
 
 
 def _shares(shells: ShellPoints, which: np.ndarray, bodies: Bodies, row: int) -> np.ndarray:
@@ -196,11 +218,10 @@ def _shares(shells: ShellPoints, which: np.ndarray, bodies: Bodies, row: int) ->
     return np.bincount(owner, shells.weight[at] * inside, len(which))
 
 
-def _turned(shells: ShellPoints) -> np.ndarray:
+def _turned(shells: ShellPoints, by_place: _ByPlace) -> np.ndarray:
     """Numbers of the closed shells with normals inwards that hold no other shell, though there is one."""
     inward = np.flatnonzero(shells.inward)
     if len(shells.number) == 1:
         return shells.number[:0]
-    every = np.arange(len(shells.number))
-    holds = np.array([_fits(shells, every[every != i], shells.low[i], shells.high[i]).any() for i in inward], bool)
-    return shells.number[inward[~holds]]
+    box, _ = by_place.fitting(shells.low[inward], shells.high[inward])
+    return shells.number[inward[np.bincount(box, minlength=len(inward)) <= 1]]  # one is itself

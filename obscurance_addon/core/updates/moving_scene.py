@@ -65,6 +65,7 @@ class MovingScene:
         self._resting: list[tuple[ObjectState, int]] = []
         self._palette, self._body = np.zeros((1, 4), np.float32), np.zeros(1, np.int32)
         self._owner = np.full(1, MISS, np.int32)
+        self._static_solids = self._resting_solids = _solids([])
         self._bodies: Bodies | None = None
         self._rooms: Rooms | None = None
         self._traced: list[ObjectState] = []
@@ -75,7 +76,7 @@ class MovingScene:
             self._static_end = _number(states, 0)
             self._write(states)
         self._static = states
-        self.static = self._layer(states)
+        self.static, self._static_solids = self._layer(states), _solids(states)
 
     def set_movers(self, resting: list[ObjectState], changed: list[ObjectState]) -> None:
         """Say what moved before and what moves now."""
@@ -84,12 +85,13 @@ class MovingScene:
         self._write([state for state, first in zip(resting, before, strict=True) if state.first != first] + changed)
         members = [(state, state.first) for state in resting]
         if members != self._resting:
-            self._resting, self.resting = members, self._layer(resting)
+            self._resting, self.resting, self._resting_solids = members, self._layer(resting), _solids(resting)
         self.changed = self._layer(changed)
         self._traced = states = [*self._static, *resting, *changed]
-        shapes = BodyShapes.joined(state.bodies.numbered_from(state.first) for state in states)
+        solids = self._static_solids, self._resting_solids, _solids(changed)
+        shapes = BodyShapes.joined(of_bodies for of_bodies, _ in solids)
+        shells = ShellPoints.joined(of_shells for _, of_shells in solids)
         bodies = Bodies(self._body[: self._end + 1], shapes, self._bodies) if len(shapes.numbers) else None
-        shells = ShellPoints.joined(state.shells.numbered_from(state.first) for state in states)
         self._bodies, self._rooms = settle_rooms(shells, bodies)
         self._first_of_row = {state.row: state.first for state in states}
         hollow = np.setdiff1d(bodies.numbers, self._bodies.numbers if self.has_solid else []) if bodies else np.zeros(0)
@@ -194,6 +196,14 @@ class MovingScene:
         slender = np.concatenate([state.slender for state in states])
         tracer = make_intersector(self._intersector, finite, triangles, slender, _ignore)
         return Layer(tracer, ids, [state.box for state in states])
+
+
+def _solids(states: list[ObjectState]) -> tuple[BodyShapes, ShellPoints]:
+    """Bodies and shells of objects that have their numbers."""
+    return (
+        BodyShapes.joined(state.bodies.numbered_from(state.first) for state in states),
+        ShellPoints.joined(state.shells.numbered_from(state.first) for state in states),
+    )
 
 
 def _ignore(_triangles: int) -> None:

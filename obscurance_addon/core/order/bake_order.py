@@ -119,7 +119,7 @@ class BakeOrder:
         distance = AUTO_DISTANCE_FRACTION * size.diagonal
         if not 0.0 < distance < np.inf:
             return self, ""  # which the bake refuses
-        names = self._names() + [ob.name for ob in self.snapshot.occluders]
+        names = [ob.name for ob in self.snapshot.objects()]
         return replace(self, settings=replace(self.settings, distance=distance)), reach_report(size, names)
 
     def _attributes(self, arrays: BakeArrays, extract: float, monitor: Monitor, intersector: Callable) -> BakeResult:

@@ -94,6 +94,11 @@ class SceneSnapshot:
     notes: list[str] = field(default_factory=list)
     sources: LightSources = field(default_factory=LightSources)
 
+    def objects(self) -> list[ObjectSnapshot]:
+        """All that may be met, in the order in which their triangles are joined: what is baked comes first."""
+        beside = [baked.beside for baked in self.baked if baked.beside is not None]
+        return [*(baked.snapshot for baked in self.baked), *beside, *self.occluders]
+
 
 @dataclass(frozen=True)
 class Change:

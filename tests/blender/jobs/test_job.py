@@ -11,6 +11,7 @@ from obscurance_addon.core.errors import BakeCancelledError, GeometryError, Obsc
 from obscurance_addon.core.light.settings import Quantity
 from obscurance_addon.core.order.arrays import prepare_arrays
 from obscurance_addon.core.order.output import Target
+from obscurance_addon.core.order.solid_meshes import snapshot_with_shells
 from tests.blender.helpers import (
     CORNER_LAYER,
     FACE_LAYER,
@@ -392,7 +393,7 @@ def test_emission_reaches_the_patches():
     made.node_tree.links.new(emission.outputs[0], output.inputs["Surface"])
     ob.data.materials.clear()
     ob.data.materials.append(made)
-    made = prepare_arrays(snapshot(ob), Target.FACE, needs_light=True)
+    made = prepare_arrays(snapshot_with_shells(snapshot(ob)), Target.FACE, needs_light=True)
     np.testing.assert_allclose(made.materials.emission, np.tile([3 * np.pi, 1.5 * np.pi, 0.0], (4, 1)), rtol=1e-6)
     assert not made.materials.reflectance.any()
 

@@ -21,6 +21,7 @@ from .patch_parts import (
     unbaked_faces,
 )
 from .snapshot import ObjectSnapshot, SceneSnapshot
+from .solid_meshes import snapshot_with_shells
 from .traced_parts import material_slots, traced_surfaces
 
 _RECALCULATE = "turn them (in Edit Mode, Mesh > Normals > Recalculate Outside)"
@@ -67,7 +68,6 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
     Parameters
     ----------
     snapshot : SceneSnapshot
-        As of `snapshot_with_shells`.
     target : Target
     needs_light : bool
         Cut up what is not baked into patches too.
@@ -77,6 +77,7 @@ def prepare_arrays(snapshot: SceneSnapshot, target: Target, needs_light: bool = 
     GeometryError
         When the scene has more triangles than can be traced.
     """
+    snapshot = snapshot_with_shells(snapshot)  # which leaves one that has them as it is
     objects = snapshot.objects()
     n_triangles = sum(len(ob.mesh.triangle_corners) for ob in objects)
     if n_triangles > MAX_TRIANGLES:

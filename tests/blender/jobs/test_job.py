@@ -6,12 +6,14 @@ import bpy
 import numpy as np
 import pytest
 
+from obscurance_addon.blender.jobs import BakeJob
 from obscurance_addon.blender.writing.values import SceneChangedError
 from obscurance_addon.core.errors import BakeCancelledError, GeometryError, ObscuranceError
 from obscurance_addon.core.light.settings import Quantity
+from obscurance_addon.core.lightmap import LightmapSettings
 from obscurance_addon.core.order.arrays import prepare_arrays
-from obscurance_addon.core.order.output import Target
-from obscurance_addon.core.order.solid_meshes import snapshot_with_shells
+from obscurance_addon.core.order.output import OutputSettings, Target
+from obscurance_addon.core.settings import BakeSettings
 from tests.blender.helpers import (
     CORNER_LAYER,
     FACE_LAYER,
@@ -393,7 +395,7 @@ def test_emission_reaches_the_patches():
     made.node_tree.links.new(emission.outputs[0], output.inputs["Surface"])
     ob.data.materials.clear()
     ob.data.materials.append(made)
-    made = prepare_arrays(snapshot_with_shells(snapshot(ob)), Target.FACE, needs_light=True)
+    made = prepare_arrays(snapshot(ob), Target.FACE, needs_light=True)
     np.testing.assert_allclose(made.materials.emission, np.tile([3 * np.pi, 1.5 * np.pi, 0.0], (4, 1)), rtol=1e-6)
     assert not made.materials.reflectance.any()
 
@@ -404,3 +406,15 @@ def test_an_object_without_extent_is_named():
     ob.scale = (0.0, 0.0, 0.0)
     with pytest.raises(GeometryError, match=r"'Flat Out'.*no extent.*scale"):
         bake(ob)
+
+
+def test_what_the_distance_left_out_is_named_beside_what_modifiers_make():
+    """An Array on what a lightmap is baked onto makes one object more than the scene has."""
+    ground, block = floor("Floor"), cube("Block")
+    block.modifiers.new("Array", "ARRAY").count = 3
+    far = cube("Far")
+    far.location.x = 500.0
+    bpy.context.view_layer.update()
+    settings, output = BakeSettings(rays=4), OutputSettings(target=Target.LIGHTMAP)
+    report = BakeJob(bpy.context, [ground, block], settings, output, lightmap=LightmapSettings(size=256)).run()
+    assert "'Far'" in report.reach_from

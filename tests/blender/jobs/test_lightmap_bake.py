@@ -19,7 +19,6 @@ from obscurance_addon.core.lightmap.settings import LightmapSettings
 from obscurance_addon.core.lightmap.texels import covered_texels
 from obscurance_addon.core.order import JobMonitor, OutputSettings, Target
 from obscurance_addon.core.order.arrays import prepare_arrays
-from obscurance_addon.core.order.solid_meshes import snapshot_with_shells
 from obscurance_addon.core.scene.patches import Normalisation
 from obscurance_addon.core.settings import BakeSettings
 from tests.blender.helpers import (
@@ -73,7 +72,7 @@ def finished(*objects, **changes):
 
 def arrays_of(running):
     """What a job hands to the core."""
-    return prepare_arrays(snapshot_with_shells(running.order.snapshot), Target.FACE, running.order.light.needs_light)
+    return prepare_arrays(running.order.snapshot, Target.FACE, running.order.light.needs_light)
 
 
 def layout_of(running):

@@ -8,7 +8,6 @@ import pytest
 
 from obscurance_addon.core.order.arrays import prepare_arrays
 from obscurance_addon.core.order.output import Target
-from obscurance_addon.core.order.solid_meshes import snapshot_with_shells
 from obscurance_addon.core.shading.shading import DEFAULT_REFLECTANCE
 from tests.blender.helpers import arrays, bake, baked, colors, cube, floor, material, sheet, snapshot
 from tests.blender.materials.material_helpers import Tree, make_image
@@ -123,6 +122,6 @@ def test_lamps_count_as_a_surface_without_a_material_where_no_light_is_baked():
     cube().data.materials.append(tree.material)
     taken = snapshot(ground)
     for needs_light, expected in ((False, DEFAULT_REFLECTANCE), (True, 0.0)):
-        made = prepare_arrays(snapshot_with_shells(taken), Target.FACE, needs_light)
+        made = prepare_arrays(taken, Target.FACE, needs_light)
         np.testing.assert_allclose(made.surfaces.reflectance[2:], expected, rtol=1e-6)
         np.testing.assert_allclose(made.surfaces.emission[2:], 2.0 * np.pi, rtol=1e-6)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from obscurance_addon.core.settings import BakeSettings
+from obscurance_addon.core.tracing import rooms as rooms_module
 from obscurance_addon.core.tracing.build import build_scene
+from obscurance_addon.core.tracing.rooms import ShellPoints
 from tests.core.scenes import Mesh, box, floor, grid, icosphere, join, mesh, room, rotation, scene
 
 SETTINGS = BakeSettings(256, distance=0.6)
@@ -85,3 +89,20 @@ def test_shells_turned_inside_out():
     assert rooms_of(HALL.flipped())[1].tolist() == []
     assert rooms_of(HALL.flipped(), *furniture())[1].tolist() == []
     assert rooms_of(floor((-5, -5), (9, 9)), box((0, 0, 0.1), (1, 1, 1)).flipped())[1].tolist() == [1]
+
+
+@pytest.mark.parametrize("pairs", [1 << 20, 7])
+def test_boxes_in_boxes_are_found_as_by_looking_at_all(monkeypatch, pairs):
+    """However many are looked at together."""
+    monkeypatch.setattr(rooms_module, "_PAIRS", pairs)
+    rng = np.random.default_rng(3)
+    low = rng.random((60, 3)) * [9.0, 3.0, 1.0]
+    high = low + 0.2
+    high[:25] += 2.0
+    nothing = ShellPoints.none()
+    found = rooms_module._ByPlace(replace(nothing, low=low, high=high)).fitting(low[:25], high[:25])
+    poke = rooms_module._POKES * np.linalg.norm(high - low, axis=1)[:25, None, None]
+    fits = (low >= low[:25, None] - poke).all(2) & (high <= high[:25, None] + poke).all(2)
+    assert fits.sum() > 25 + 20  # each box is in itself
+    pairs_of = [sorted(zip(*(rows.tolist() for rows in both), strict=True)) for both in (found, np.nonzero(fits))]
+    assert pairs_of[0] == pairs_of[1]

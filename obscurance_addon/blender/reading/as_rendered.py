@@ -47,8 +47,13 @@ class Setting(NamedTuple):
 def as_rendered(context: bpy.types.Context, modifiers: Modifiers) -> Iterator[None]:
     """Show what renders while the block lasts, and modifiers as they render if asked to; main thread, in no handler."""
     layer = context.view_layer
-    settings = list(_unhidden(context))
-    hidden = [ob for ob in layer.objects if ob.hide_get(view_layer=layer) and _renders(context, ob)]
+    rendered = rendered_objects(layer.layer_collection)
+    settings = list(_unhidden(context, rendered))
+    hidden = [
+        ob
+        for ob in layer.objects
+        if ob.hide_get(view_layer=layer) and not ob.hide_render and ob.session_uid in rendered
+    ]
     if modifiers is Modifiers.RENDER:
         settings += _simplified(context.scene)
         settings += [setting for ob in _all_objects(context) for setting in render_settings(ob)]
@@ -121,10 +126,6 @@ def _simplified(scene: bpy.types.Scene) -> Iterator[Setting]:
             yield from _differing(scene.render, name, f"{name}_render")
 
 
-def _renders(context: bpy.types.Context, ob: bpy.types.Object) -> bool:
-    return not ob.hide_render and ob.session_uid in rendered_objects(context.view_layer.layer_collection)
-
-
 def _instanced(context: bpy.types.Context) -> set[bpy.types.Collection]:
     """All collections that objects of the view layer instance, and those in them."""
     found: set[bpy.types.Collection] = set()
@@ -142,9 +143,8 @@ def _all_objects(context: bpy.types.Context) -> set[bpy.types.Object]:
     return {*context.view_layer.objects, *(ob for one in _instanced(context) for ob in one.objects)}
 
 
-def _unhidden(context: bpy.types.Context) -> Iterator[Setting]:
+def _unhidden(context: bpy.types.Context, rendered: set[int]) -> Iterator[Setting]:
     """What shows objects and collections that render, and are hidden in the viewport by more than their own eye."""
-    rendered = rendered_objects(context.view_layer.layer_collection)
     instanced = _instanced(context)
     own = [ob for ob in context.view_layer.objects if ob.session_uid in rendered]
     for ob in {*own, *(ob for one in instanced for ob in one.objects)}:
